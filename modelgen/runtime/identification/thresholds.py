@@ -89,9 +89,9 @@ NOISE_ALONE = 1.5
 MOST_WHITENED, COPIES_OF_WHITE_ROWS = 5e6, 80.0
 
 # A residual of physical parameters whose statistic of whiteness is beyond so many times its bound is that of
-# another chain than the records': right ones had 0.3 to 1.1 times it, wrong ones 8 to 40. Cut-offs that are
-# equal but for this factor are one.
-COLOURED, EVEN = 3.0, 1.05
+# another chain than the records' (right ones mostly had 0.3 to 1.1 times it, wrong ones 8 to 40), if it is so
+# many deviations away from the one whose residual is white. Cut-offs equal but for the last factor are one.
+COLOURED, OTHER_CHAIN, EVEN = 3.0, 8.0, 1.05
 # Other cut-offs are tried in steps of the root of two, so many at most; so many in vain end it. Lower ones
 # are where noise biases a parameter by more than this share.
 CUTOFF_STEPS, STEPS_IN_VAIN = 13, 2

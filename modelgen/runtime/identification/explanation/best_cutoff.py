@@ -31,6 +31,7 @@ from modelgen.runtime.identification.thresholds import (
     EVEN,
     KNOWN_BETTER,
     LITTLE_BIAS,
+    OTHER_CHAIN,
     OVER_NOISE,
     STEPS_IN_VAIN,
     STRETCHES_TRIED,
@@ -95,11 +96,11 @@ def at_white_cutoff(given: Task, begun: Begun, run: Callable[[Task], Begun]) -> 
     """Return physical parameters, where their residual is far from white those at a cut-off where it is not.
 
     Several chains may nearly suit rows that see one of their resonances only. The residual of the wrong one
-    has a colour that noise of the sensors has not; a higher cut-off, up to that of `given`, sees more. Where
-    all have it, the difference to the whitest of the others is in the intervals.
+    has a colour that noise of the sensors has not; a higher cut-off, up to that of `given`, sees more. What
+    is no other chain there, and where all have a colour, the difference to the whitest is in the intervals.
     """
-    colour, task = _colour(begun), begun.task
-    if given.filters.cutoff_hz is not None or colour <= COLOURED:
+    task = begun.task
+    if given.filters.cutoff_hz is not None or _colour(begun) <= COLOURED:
         return begun
     highest, others = max(given.choice.cutoff_hz, np.sqrt(2.0) * task.choice.cutoff_hz), list[Begun]()
     for choice in choices_above(task, CUTOFF_STEPS):
@@ -107,14 +108,19 @@ def at_white_cutoff(given: Task, begun: Begun, run: Callable[[Task], Begun]) -> 
             break
         why = ", at which the residual of physical parameters is no noise."
         with suppress(IdentifiabilityError, DataError):
-            found = run(at_choice(task, choice, why))
-            if _colour(found) <= COLOURED:
-                return found
-            others.append(found)
-    alike = [one for one in others if one.found.fit.columns == begun.found.fit.columns]
-    if not alike:
+            others.append(run(at_choice(task, choice, why)))
+            if _colour(others[-1]) <= COLOURED:
+                break
+    if not others:
         return begun
-    move = min(alike, key=_colour).found.fit.solution.x - begun.found.fit.solution.x
+    found = min(others, key=_colour)
+    if found.found.fit.columns != begun.found.fit.columns:
+        return found if _colour(found) <= COLOURED else begun
+    move = found.found.fit.solution.x - begun.found.fit.solution.x
+    variance = sum(np.diag(hac_covariance(one.found.fit) + one.found.drift) for one in (begun, found))
+    other_chain = bool(np.any(np.abs(move) > OTHER_CHAIN * np.sqrt(np.maximum(variance, 0.0))))
+    if other_chain and _colour(found) <= COLOURED:
+        return found
     return replace(begun, found=replace(begun.found, drift=begun.found.drift + np.outer(move, move)))
 
 

@@ -106,8 +106,19 @@ def instruments(task: Task) -> Begun:
 def test_a_residual_that_is_no_noise_leads_to_the_next_cutoff_where_it_is(
     monkeypatch: pytest.MonkeyPatch, colours: tuple[float, ...], taken: int
 ) -> None:
-    first, left = begun_at(20.0, kind="chirp"), iter(colours)
-    monkeypatch.setattr(best_cutoff, "_colour", lambda begun: next(left))
+    first, begun = begun_at(20.0, kind="chirp"), list[Begun]()
+    fit = first.found.fit
+    if taken:  # another chain
+        x = 1.5 * fit.solution.x
+        first = replace(
+            first, found=replace(first.found, fit=replace(fit, solution=replace(fit.solution, x=x)))
+        )
+
+    def colour(one: Begun) -> float:
+        begun.extend([] if any(one is known for known in begun) else [one])
+        return colours[next(place for place, known in enumerate(begun) if one is known)]
+
+    monkeypatch.setattr(best_cutoff, "_colour", colour)
     found = at_white_cutoff(task_at(40.0, kind="chirp"), first, instruments)
     assert found.task.choice.cutoff_hz == pytest.approx(20.0 * np.sqrt(2.0) ** taken)
     assert (found is first) is (taken == 0)
