@@ -28,6 +28,7 @@ from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.given_directions import (
     bodies_with_signs,
@@ -94,6 +95,9 @@ def _moved_by_unseen(begun: Begun) -> FloatArray | None:
     job, fit = begun.task.job, begun.found.fit
     every = begun.found.observation.blocks
     if fit.carried is not None or not fit.simulated or not all(block.in_memory for block in every):
+        return None
+    # what is negative is simulated as zero: another motion
+    if negative_columns(job.model, fit):
         return None
     records = tuple(
         record.edited(_read_directions(job.model, fit.simulated[index])) if index in fit.simulated else record
