@@ -8,7 +8,7 @@ would move stays in the intervals where the hold does not leave less.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import log
@@ -24,6 +24,7 @@ from modelgen.runtime.identification.explanation.explained import (
     begun_at,
     delays_of,
     late_forces,
+    with_note,
 )
 from modelgen.runtime.identification.explanation.held_images import without_images
 from modelgen.runtime.identification.task import Task
@@ -33,6 +34,7 @@ from modelgen.runtime.identification.thresholds import (
     HELD_ROUNDS,
     HELD_SETTLED,
     LEAST_BEFORE,
+    STEPS_TAKEN,
 )
 from modelgen.runtime.iv.thresholds import AS_LIKELY
 from modelgen.runtime.least_squares.delays import with_holds
@@ -54,26 +56,62 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
     """
     if told:
         held = {key: delays_of(first).get(key, 0.0) for key in told}
-    else:
-        held = held_commands(first) if first.task.checks.drift_check else {}
-        task = _holding(task, tuple(held))
+        return _held(task, first, held, run)[0]
+    if not first.task.checks.drift_check:
+        return first
+    held, found = held_commands(first), []
+    if held:
+        found.append((False, *_held(_holding(task, tuple(held)), first, held, run)))
+    stepping = dict.fromkeys(stepping_commands(task), 0.0)
+    if stepping:
+        found.append((True, *_held(task, first, stepping, run, stepped=True)))
+    found = [
+        (stepped, other, late)
+        for stepped, other, late in found
+        if other is not first and all(_follows(other, key, by) for key, by in late.items())
+    ]
+    for stepped, other, late in sorted(found, key=lambda one: one[1].found.fit.misfit):
+        better = better_held(first, other, late, stepped)
+        if better is not None:
+            return better
+    return first
+
+
+def _held(
+    task: Task, first: Begun, held: Mapping[str, float], run: Callable[[Task], Begun], stepped: bool = False
+) -> tuple[Begun, Mapping[str, float]]:
+    """Return an estimate without images, and by how many s each command is late then.
+
+    What was estimated first where there is none.
+    """
     task, known = at_cutoff_of(task, first.task), first
-    for _ in range(HELD_ROUNDS if held else 0):
+    for _ in range(HELD_ROUNDS):
         try:
-            again = run(begun_at(without_images(task, held, known), known))
+            again = run(begun_at(without_images(task, held, known, stepped), known))
         except (IdentifiabilityError, DataError):
-            return first
+            return first, held
         # images feel when the command changes, which shows only without them
         late = {key: delays_of(again).get(key, delay) for key, delay in held.items()}
         moved = max(abs(late[key] - held[key]) * again.task.records[0].fs for key in held)
         known, held = again, late
         if moved < HELD_SETTLED:
             break
-    if told or known is first:
-        return known
-    if not all(_follows(known, key, late) for key, late in held.items()):
-        return first
-    return better_held(first, known, held) or first
+    return known, held
+
+
+def stepping_commands(task: Task) -> list[str]:
+    """Return the forces, of those whose delay is to be found, that take many steps at their samples.
+
+    A binary command under an analogue controller does: it is held, and what the controller adds is not.
+    """
+    return [
+        key
+        for key in task.job.late
+        if any(
+            key in record.signals and len(record.facts.steps(key)[0]) >= STEPS_TAKEN * record.n
+            for record in task.job.records
+        )
+    ]
 
 
 def held_commands(begun: Begun) -> dict[str, float]:
@@ -91,7 +129,7 @@ def held_commands(begun: Begun) -> dict[str, float]:
 
 
 def _follows(begun: Begun, key: str, late: float) -> bool:
-    """Tell whether a command can be held, and late by so many s beside that.
+    """Tell whether a command, or its steps, can be held, and late by so many s beside that.
 
     A lag that is estimated beside the hold is late, too: together they cannot take longer than the command
     does, which acts after it is given. Where they do, the lag alone is what was taken for a hold. A low-pass
@@ -122,8 +160,8 @@ def _late_as_effect(before: Explained, after: Explained, channels: Collection[st
     return bool(late) and kept <= names
 
 
-def better_held(begun: Begun, held: Begun, channels: Collection[str]) -> Begun | None:
-    """Return the estimate with holds unless it leaves more.
+def better_held(begun: Begun, held: Begun, channels: Collection[str], stepped: bool = False) -> Begun | None:
+    """Return the estimate with holds, of steps alone if `stepped`, unless it leaves more.
 
     What the holds move is in the intervals, unless they leave clearly less, or as little with fewer effects:
     the estimate without holds lies at the edge of a 95 % interval. What needs fewer effects may leave a
@@ -138,15 +176,18 @@ def better_held(begun: Begun, held: Begun, channels: Collection[str]) -> Begun |
         return None
     half = 0.5 * (after.solution.x - before.solution.x)
     certain = after.misfit < before.misfit - AS_LIKELY * (0 if fewer > 0 else 1 - fewer)
+    found = held.found
+    drift = found.drift if certain else found.drift + np.outer(half, half)
+    held = replace(held, found=replace(found, drift=drift))
+    also = "" if certain else ", and the intervals hold what else it may be"
+    if stepped:
+        keys = ", ".join(channels)
+        return with_note(held, f"{keys} takes steps at its samples, and is held where it does{also}")
     what = (
         "acts half a sample later than recorded, as a command does that is held over every sample; it is "
-        "taken for one"
+        f"taken for one{also}"
     )
-    if not certain:
-        what += ", and the intervals hold what else it may be"
     told = tuple(
         Advice("more than the model", channel, what, f"name it (--held {channel})") for channel in channels
     )
-    found = held.found
-    drift = found.drift if certain else found.drift + np.outer(half, half)
-    return replace(held, found=replace(found, drift=drift, advice=(*told, *found.advice)))
+    return replace(held, found=replace(held.found, advice=(*told, *found.advice)))
