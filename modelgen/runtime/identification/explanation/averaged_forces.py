@@ -16,7 +16,7 @@ import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.identification.explanation.explained import Begun, late_forces, with_note
+from modelgen.runtime.identification.explanation.explained import Begun, late_forces, left_by, with_note
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LONGEST_MEAN, SHORTEST_MEAN, WHOLE_SAMPLE
@@ -95,7 +95,7 @@ def _gained(begun: Begun, other: Begun) -> float:
     What needs further effects has to leave less for each.
     """
     further = _estimated(other) - _estimated(begun)
-    return begun.found.fit.misfit - other.found.fit.misfit - AS_LIKELY * max(further, 0)
+    return left_by(begun) - left_by(other) - AS_LIKELY * max(further, 0)
 
 
 def _estimated(begun: Begun) -> int:

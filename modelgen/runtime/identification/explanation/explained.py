@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice, noted
-from modelgen.runtime.diagnostics.row_noise import exceeding_noise
+from modelgen.runtime.diagnostics.row_noise import exceeding_noise, row_noise
+from modelgen.runtime.filter_choice.signal_to_noise import noise_band
 from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LEFT_SHARE, OVER_NOISE
@@ -18,6 +21,7 @@ from modelgen.runtime.rows.observation import Observation
 
 if TYPE_CHECKING:
     from modelgen.runtime.identification.explanation.drive_noise import DriveBias
+    from modelgen.runtime.identification.job import Job
     from modelgen.runtime.iv.effect import Effect
     from modelgen.runtime.iv.score_tests import Score
 
@@ -116,3 +120,37 @@ def exceeding(one: Begun, share: float = 0.0, multiple: float = OVER_NOISE) -> b
 def unexplained(one: Begun) -> bool:
     """Tell whether noise does not explain a row that is left, or what is left where an effect is told."""
     return bool(exceeding(one, LEFT_SHARE) or (noted(one.found.advice)[0] and exceeding(one)))
+
+
+def left_by(one: Begun) -> float:
+    """Return the misfit of what has begun, see `misfit_left`."""
+    found = one.found
+    return misfit_left(one.task.job, found.fit, found.effects, found.sizes)
+
+
+def misfit_left(job: Job, fit: Fit, effects: Sequence[Effect], sizes: Sequence[float]) -> float:
+    """Return the misfit of a fit as it were if effects left the channels' noise as it is.
+
+    What sets a channel right by a low-pass takes noise off it as well, and leaves less for that alone; what
+    undoes one leaves more.
+    """
+    from modelgen.runtime.iv.low_pass import noise_passed
+
+    shaped = [(one, size) for one, size in zip(effects, sizes, strict=True) if one.kind in ("lag", "average")]
+    if not shaped:
+        return fit.misfit
+    total, x = fit.misfit, fit.all_parameters(job.model.base_parameters)
+    for index, block in enumerate(fit.blocks):
+        record, factor = job.records[block.record], job.choice.decimation[block.record]
+        lines = noise_band(record, job.choice).frequency_hz
+        passed = dict[str, FloatArray]()
+        for one, size in shaped:
+            share = noise_passed(one, size, lines, record.fs)
+            passed[one.channel] = passed.get(one.channel, 1.0) * share
+        moved, left = (fit.simulated or {}).get(block.record), fit.rms(index) ** 2
+        noise = partial(row_noise, job.model, record, job.choice, factor, block.row, x, moved)
+        # never more than what is left
+        less = min(noise() ** 2, left) * (1.0 - (noise(passed) / (noise() or 1.0)) ** 2)
+        if left > 0.0:
+            total += 0.5 * block.count * float(np.log1p(max(less, -0.5 * left) / left))
+    return total

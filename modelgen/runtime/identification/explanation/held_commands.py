@@ -24,6 +24,7 @@ from modelgen.runtime.identification.explanation.explained import (
     begun_at,
     delays_of,
     late_forces,
+    left_by,
     with_note,
 )
 from modelgen.runtime.identification.explanation.held_images import without_images
@@ -70,7 +71,7 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
         for stepped, other, late in found
         if other is not first and all(_follows(other, key, by) for key, by in late.items())
     ]
-    for stepped, other, late in sorted(found, key=lambda one: one[1].found.fit.misfit):
+    for stepped, other, late in sorted(found, key=lambda one: left_by(one[1])):
         better = better_held(first, other, late, stepped)
         if better is not None:
             return better
@@ -117,14 +118,15 @@ def stepping_commands(task: Task) -> list[str]:
 def held_commands(begun: Begun) -> dict[str, float]:
     """Return the forces whose delay was to be found that are early by half a sample, or one and a half.
 
-    With each by how many s it is late beside a hold: what is computed in one period may act in the next.
+    With each by how many s it is late beside a hold: what is computed in one period may act in the next. A
+    record of it may be late as well, by whole samples; by one, it may be a mean over the last sample.
     """
     fs = begun.task.records[0].fs
     beside = {key: late + 0.5 / fs for key, late in late_forces(begun).items()}
     return {
         key: late
         for key, late in beside.items()
-        if late * fs < HALF_SAMPLE and abs(late * fs - round(late * fs)) < HALF_SAMPLE
+        if abs(late * fs - round(late * fs)) < HALF_SAMPLE and round(late * fs) != 1
     }
 
 
@@ -141,6 +143,8 @@ def _follows(begun: Begun, key: str, late: float) -> bool:
         for effect, size in zip(found.effects, found.sizes, strict=True)
         if effect.channel == key and effect.kind in ("lag", "average")
     }
+    if late * fs > 1.0:  # recorded late: when it was given is not known
+        return not sizes
     lag = sum(effect.samples(size, fs) for effect, size in sizes.items() if effect.kind == "lag")
     return all(size < 0.0 for size in sizes.values()) and -late * fs > lag - LEAST_BEFORE
 
@@ -168,14 +172,15 @@ def better_held(begun: Begun, held: Begun, channels: Collection[str], stepped: b
     little more for each; what needs more of them has to leave less.
     """
     before, after = begun.found.fit, held.found.fit
+    gained = left_by(begun) - left_by(held)
     fewer = len(begun.found.effects) - len(held.found.effects)
     allowed = AS_LIKELY * (1 + fewer if fewer >= 0 else fewer)
     if _late_as_effect(begun.found, held.found, channels):
         allowed = max(allowed, -log(CLEARLY_LESS) * before.count)
-    if before.columns != after.columns or after.misfit > before.misfit + allowed:
+    if before.columns != after.columns or gained < -allowed:
         return None
     half = 0.5 * (after.solution.x - before.solution.x)
-    certain = after.misfit < before.misfit - AS_LIKELY * (0 if fewer > 0 else 1 - fewer)
+    certain = gained > AS_LIKELY * (0 if fewer > 0 else 1 - fewer)
     found = held.found
     drift = found.drift if certain else found.drift + np.outer(half, half)
     held = replace(held, found=replace(found, drift=drift))

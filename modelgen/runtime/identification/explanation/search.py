@@ -10,6 +10,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.identification.explanation.explained import misfit_left
 from modelgen.runtime.identification.explanation.look_at_residual import Seen, believable, look
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
@@ -209,8 +210,8 @@ class Search:
         Forces are late more often than sensors, and either more often than it has a clock of its own.
         """
         # the misfit is half a chi square
-        most = min(freed.fit.misfit for _, _, freed in tried) + AS_LIKELY
-        equals = [entry for entry in tried if entry[2].fit.misfit < most]
+        left = [misfit_left(self.job, freed.fit, every, freed.sizes) for _, every, freed in tried]
+        equals = [one for one, misfit in zip(tried, left, strict=True) if misfit < min(left) + AS_LIKELY]
         (effect, effects, freed), *others = sorted(equals, key=lambda entry: self._rarity(entry[0]))
         equal = tuple(Equal(one, found.sizes[-1], found.fit.solution.x) for one, _, found in others)
         kinds = {one.kind for one in self.effects}
