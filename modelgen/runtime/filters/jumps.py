@@ -22,7 +22,7 @@ from modelgen.runtime.filters.thresholds import (
     LEAST_JUMP,
     MEDIAN_OF_NORMAL,
     MOST_JUMPS,
-    MOST_STEPS,
+    MOST_STEPPING,
     STEP,
     STEP_APART,
 )
@@ -56,14 +56,16 @@ def steps(samples: FloatArray) -> tuple[IntArray, FloatArray]:
     size = np.abs(change)
     usual = float(np.median(size)) / MEDIAN_OF_NORMAL
     places = np.flatnonzero(size > max(STEP * usual, LEAST_JUMP * float(np.std(samples))))
-    if usual == 0.0 or not places.size or len(places) > MOST_STEPS * len(samples):
+    if usual == 0.0 or not places.size or len(places) > MOST_STEPPING * len(samples):
         return none
     around = places[:, None] + np.arange(-STEP_APART, STEP_APART + 1)
     near = np.median(size[np.clip(around, 0, len(size) - 1)], axis=1) / MEDIAN_OF_NORMAL
     places = places[size[places] > STEP * near]
     rest = np.ones(len(change), dtype=bool)
     rest[places] = False
-    return places + 1, change[places] - np.interp(places, np.flatnonzero(rest), change[rest])
+    # up to a step it changes as before: a controller that feels the step answers behind it
+    before = np.maximum.accumulate(np.where(rest, np.arange(len(change)), -1))[places]
+    return places + 1, change[places] - np.where(before < 0, 0.0, change[before])
 
 
 def bends(samples: FloatArray) -> tuple[IntArray, FloatArray]:

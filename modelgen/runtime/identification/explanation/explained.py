@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -122,29 +122,30 @@ def unexplained(one: Begun) -> bool:
     return bool(exceeding(one, LEFT_SHARE) or (noted(one.found.advice)[0] and exceeding(one)))
 
 
-def left_by(one: Begun) -> float:
-    """Return the misfit of what has begun, see `misfit_left`."""
+def left_by(one: Begun, recorded: Job | None = None, held: Collection[str] = ()) -> float:
+    """Return the misfit of what has begun, see `misfit_left`; `recorded` has its records as they were."""
     found = one.found
-    return misfit_left(one.task.job, found.fit, found.effects, found.sizes)
+    return misfit_left(recorded or one.task.job, found.fit, found.effects, found.sizes, held)
 
 
-def misfit_left(job: Job, fit: Fit, effects: Sequence[Effect], sizes: Sequence[float]) -> float:
-    """Return the misfit of a fit as it were if effects left the channels' noise as it is.
+def misfit_left(
+    job: Job, fit: Fit, effects: Sequence[Effect], sizes: Sequence[float], held: Collection[str] = ()
+) -> float:
+    """Return the misfit of a fit as it were if low-passes left the channels' noise as it is.
 
-    What sets a channel right by a low-pass takes noise off it as well, and leaves less for that alone; what
-    undoes one leaves more.
+    An effect that sets a channel right by a low-pass takes noise off it as well, and leaves less for that
+    alone; so does a hold of the channels `held`. What undoes a low-pass leaves more.
     """
     from modelgen.runtime.iv.low_pass import noise_passed
 
-    shaped = [(one, size) for one, size in zip(effects, sizes, strict=True) if one.kind in ("lag", "average")]
-    if not shaped:
+    if not held and not any(one.kind in ("lag", "average") for one in effects):
         return fit.misfit
     total, x = fit.misfit, fit.all_parameters(job.model.base_parameters)
     for index, block in enumerate(fit.blocks):
         record, factor = job.records[block.record], job.choice.decimation[block.record]
         lines = noise_band(record, job.choice).frequency_hz
-        passed = dict[str, FloatArray]()
-        for one, size in shaped:
+        passed = {key: np.sinc(lines / record.fs) ** 2 for key in held}
+        for one, size in zip(effects, sizes, strict=True):
             share = noise_passed(one, size, lines, record.fs)
             passed[one.channel] = passed.get(one.channel, 1.0) * share
         moved, left = (fit.simulated or {}).get(block.record), fit.rms(index) ** 2

@@ -8,10 +8,10 @@ would move stays in the intervals where the hold does not leave less.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from math import log
+from math import exp, log
 
 import numpy as np
 
@@ -32,9 +32,11 @@ from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     CLEARLY_LESS,
     HALF_SAMPLE,
+    HARDLY_SHOWS,
     HELD_ROUNDS,
     HELD_SETTLED,
     LEAST_BEFORE,
+    MOST_EXPONENT,
     STEPS_TAKEN,
 )
 from modelgen.runtime.iv.thresholds import AS_LIKELY
@@ -60,22 +62,63 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
         return _held(task, first, held, run)[0]
     if not first.task.checks.drift_check:
         return first
-    held, found = held_commands(first), []
+    others = [one for one in _alternatives(task, first, run) if one.begun is not first and one.follows]
+    others.sort(key=lambda one: one.left(first))
+    for place, one in enumerate(others):
+        better = better_held(first, one)
+        if better is not None:
+            return _or_other(better, one, others[place + 1 :], first)
+    return first
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """An estimate with held commands, or with their steps held alone, and by how many s each is late."""
+
+    begun: Begun
+    late: Mapping[str, float]
+    stepped: bool = False
+
+    @property
+    def follows(self) -> bool:
+        """Whether each can be held, and late by that."""
+        return all(_follows(self.begun, key, late) for key, late in self.late.items())
+
+    def left(self, first: Begun) -> float:
+        """Return the misfit, see `left_by`; `first` has the records without a hold."""
+        return left_by(self.begun, first.task.job, () if self.stepped else self.late)
+
+
+def _alternatives(task: Task, first: Begun, run: Callable[[Task], Begun]) -> Iterator[Held]:
+    held = held_commands(first)
     if held:
-        found.append((False, *_held(_holding(task, tuple(held)), first, held, run)))
+        yield Held(*_held(_holding(task, tuple(held)), first, held, run))
     stepping = dict.fromkeys(stepping_commands(task), 0.0)
     if stepping:
-        found.append((True, *_held(task, first, stepping, run, stepped=True)))
-    found = [
-        (stepped, other, late)
-        for stepped, other, late in found
-        if other is not first and all(_follows(other, key, by) for key, by in late.items())
-    ]
-    for stepped, other, late in sorted(found, key=lambda one: left_by(one[1])):
-        better = better_held(first, other, late, stepped)
-        if better is not None:
-            return better
-    return first
+        yield Held(*_held(task, first, stepping, run, stepped=True), stepped=True)
+
+
+def _or_other(better: Begun, taken: Held, others: Sequence[Held], first: Begun) -> Begun:
+    """Return an estimate with what an alternative moves in its drift, as far as that is as likely.
+
+    What a controller adds to a binary command is nearly a sum of the columns: whether that is held as well
+    shows in other motions only. The mean square is that of the mixture of both (Hoeting et al. 1999), with
+    odds as uncertain as misfits are.
+    """
+    for other in others:
+        if other.begun.found.fit.columns != taken.begun.found.fit.columns:
+            continue
+        gap = 2.0 * (other.left(first) - taken.left(first)) / AS_LIKELY
+        chance = 1.0 / (1.0 + exp(min(gap, MOST_EXPONENT)))
+        move = other.begun.found.fit.solution.x - taken.begun.found.fit.solution.x
+        drift = better.found.drift + chance * (1.0 - chance) * np.outer(move, move)
+        keys = ", ".join(taken.late)
+        note = (
+            f"whether {keys} is held between its steps as well hardly shows: the intervals hold both; if the "
+            f"controller is sampled it is (--held {keys})"
+        )
+        better = with_note(better, note, drift) if chance > HARDLY_SHOWS else better
+    return better
 
 
 def _held(
@@ -164,15 +207,16 @@ def _late_as_effect(before: Explained, after: Explained, channels: Collection[st
     return bool(late) and kept <= names
 
 
-def better_held(begun: Begun, held: Begun, channels: Collection[str], stepped: bool = False) -> Begun | None:
-    """Return the estimate with holds, of steps alone if `stepped`, unless it leaves more.
+def better_held(begun: Begun, other: Held) -> Begun | None:
+    """Return the estimate with holds unless it leaves more.
 
     What the holds move is in the intervals, unless they leave clearly less, or as little with fewer effects:
     the estimate without holds lies at the edge of a 95 % interval. What needs fewer effects may leave a
     little more for each; what needs more of them has to leave less.
     """
+    held, channels = other.begun, tuple(other.late)
     before, after = begun.found.fit, held.found.fit
-    gained = left_by(begun) - left_by(held)
+    gained = left_by(begun) - other.left(begun)
     fewer = len(begun.found.effects) - len(held.found.effects)
     allowed = AS_LIKELY * (1 + fewer if fewer >= 0 else fewer)
     if _late_as_effect(begun.found, held.found, channels):
@@ -185,7 +229,7 @@ def better_held(begun: Begun, held: Begun, channels: Collection[str], stepped: b
     drift = found.drift if certain else found.drift + np.outer(half, half)
     held = replace(held, found=replace(found, drift=drift))
     also = "" if certain else ", and the intervals hold what else it may be"
-    if stepped:
+    if other.stepped:
         keys = ", ".join(channels)
         return with_note(held, f"{keys} takes steps at its samples, and is held where it does{also}")
     what = (
