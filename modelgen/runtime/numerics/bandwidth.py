@@ -216,19 +216,18 @@ def _unit_coordinates(smooth: FloatArray) -> FloatArray:
     Triangles are found in a tenth of the time of eigenvectors; they tell no directions that are rounding.
     """
     size = np.sqrt(np.einsum("nc,nc->c", smooth, smooth))
-    if not np.all(size > 0.0):
+    # sums of fewer blocks than columns depend on each other, at either end of a record
+    if len(smooth) < len(size) or not np.all(size > 0.0):
         return _unit_directions(smooth)
     even = smooth / size
-    few = len(even) < even.shape[1]
     try:
-        triangle = np.linalg.inv(np.linalg.cholesky(even @ even.T if few else even.T @ even))
+        triangle = np.linalg.inv(np.linalg.cholesky(even.T @ even))
     except np.linalg.LinAlgError:
         return _unit_directions(smooth)
     # no eigenvalue is above the trace, and none below one over that of the inverse
-    if even.shape[1] * float(np.sum(triangle**2)) * LEAST_POWER > 1.0:
+    if len(size) * float(np.sum(triangle**2)) * LEAST_POWER > 1.0:
         return _unit_directions(smooth)
-    unit = even.T @ (triangle.T @ triangle) if few else triangle.T
-    return np.asarray(unit / size[:, None])
+    return np.asarray(triangle.T / size[:, None])
 
 
 def _unevenness(unit: FloatArray) -> float:

