@@ -15,7 +15,7 @@ import numpy as np
 from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.filters.one_pass import one_pass
 from modelgen.runtime.iv.companion_simulation import Simulated
-from modelgen.runtime.iv.effect import Changes, Effect, curvature
+from modelgen.runtime.iv.effect import LOW_PASSES, Changes, Effect, curvature
 from modelgen.runtime.iv.thresholds import LEAST_PASSED, LEAST_PASSED_BEND
 from modelgen.runtime.least_squares.time_shifts import behind
 from modelgen.runtime.records.channels import Edit
@@ -78,7 +78,7 @@ def noise_passed(effect: Effect, size: float, frequency_hz: FloatArray, fs: floa
 
     One for what is no low-pass; fs in Hz.
     """
-    if effect.edit is None or effect.kind not in ("lag", "average") or not size:
+    if effect.edit is None or effect.kind not in LOW_PASSES or not size:
         return np.ones(len(frequency_hz))
     return np.asarray(np.abs(_set_right(effect.kind, size, fs)(frequency_hz / fs)) ** 2)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -123,24 +122,23 @@ def unexplained(one: Begun) -> bool:
 
 
 def left_by(one: Begun, recorded: Job | None = None, held: Collection[str] = ()) -> float:
-    """Return the misfit of what has begun, see `misfit_left`; `recorded` has its records as they were."""
+    """Return how unlikely what has begun is, see `unlikely`; `recorded` has its records as they were."""
     found = one.found
-    return misfit_left(recorded or one.task.job, found.fit, found.effects, found.sizes, held)
+    return unlikely(recorded or one.task.job, found.fit, found.effects, found.sizes, held)
 
 
-def misfit_left(
+def unlikely(
     job: Job, fit: Fit, effects: Sequence[Effect], sizes: Sequence[float], held: Collection[str] = ()
 ) -> float:
-    """Return the misfit of a fit as it were if low-passes left the channels' noise as it is.
+    """Return minus the logarithm of a fit's likelihood, each block with noise of one size.
 
-    An effect that sets a channel right by a low-pass takes noise off it as well, and leaves less for that
-    alone; so does a hold of the channels `held`. What undoes a low-pass leaves more.
+    What is left counts as a multiple of what noise of the sensors gives a row with its parameters. These, and
+    what an effect or a hold of the channels `held` takes off a channel by a low-pass, make less of noise
+    where they make less of a row: that explains nothing. Rows without noise count by size (`Fit.misfit`).
     """
     from modelgen.runtime.iv.low_pass import noise_passed
 
-    if not held and not any(one.kind in ("lag", "average") for one in effects):
-        return fit.misfit
-    total, x = fit.misfit, fit.all_parameters(job.model.base_parameters)
+    total, x = 0.0, fit.all_parameters(job.model.base_parameters)
     for index, block in enumerate(fit.blocks):
         record, factor = job.records[block.record], job.choice.decimation[block.record]
         lines = noise_band(record, job.choice).frequency_hz
@@ -148,10 +146,9 @@ def misfit_left(
         for one, size in zip(effects, sizes, strict=True):
             share = noise_passed(one, size, lines, record.fs)
             passed[one.channel] = passed.get(one.channel, 1.0) * share
-        moved, left = (fit.simulated or {}).get(block.record), fit.rms(index) ** 2
-        noise = partial(row_noise, job.model, record, job.choice, factor, block.row, x, moved)
-        # never more than what is left
-        less = min(noise() ** 2, left) * (1.0 - (noise(passed) / (noise() or 1.0)) ** 2)
-        if left > 0.0:
-            total += 0.5 * block.count * float(np.log1p(max(less, -0.5 * left) / left))
+        moved, left = (fit.simulated or {}).get(block.record), fit.rms(index)
+        noise = row_noise(job.model, record, job.choice, factor, block.row, x, moved, passed)
+        if noise <= 0.0 or left <= 0.0:
+            return fit.misfit
+        total += block.count * float(np.log(left / noise))
     return total

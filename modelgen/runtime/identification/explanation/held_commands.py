@@ -27,7 +27,8 @@ from modelgen.runtime.identification.explanation.explained import (
     left_by,
     with_note,
 )
-from modelgen.runtime.identification.explanation.held_images import without_images
+from modelgen.runtime.identification.explanation.held_images import less, without_images
+from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     CLEARLY_LESS,
@@ -39,8 +40,11 @@ from modelgen.runtime.identification.thresholds import (
     MOST_EXPONENT,
     STEPS_TAKEN,
 )
+from modelgen.runtime.iv.effect import LOW_PASSES
 from modelgen.runtime.iv.thresholds import AS_LIKELY
 from modelgen.runtime.least_squares.delays import with_holds
+from modelgen.runtime.least_squares.time_shifts import steps_only
+from modelgen.runtime.records.record import Record
 
 
 def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Callable[[Task], Begun]) -> Begun:
@@ -85,8 +89,19 @@ class Held:
         return all(_follows(self.begun, key, late) for key, late in self.late.items())
 
     def left(self, first: Begun) -> float:
-        """Return the misfit, see `left_by`; `first` has the records without a hold."""
-        return left_by(self.begun, first.task.job, () if self.stepped else self.late)
+        """Return how unlikely it is, see `left_by`; `first` has the records without a hold."""
+        return left_by(self.begun, quiet_job(first.task), () if self.stepped else self.late)
+
+
+def quiet_job(task: Task) -> Job:
+    """Return a job whose forces lack the steps they take, which would pass for noise at high frequencies."""
+
+    def quiet(record: Record) -> Record:
+        keys = [key for key in stepping_commands(task) if key in record.signals]
+        steps = steps_only(record, keys)
+        return record.edited({key: less(key, steps) for key in keys})
+
+    return task.job.changed(lambda records: tuple(quiet(record) for record in records))
 
 
 def _alternatives(task: Task, first: Begun, run: Callable[[Task], Begun]) -> Iterator[Held]:
@@ -103,12 +118,12 @@ def _or_other(better: Begun, taken: Held, others: Sequence[Held], first: Begun) 
 
     What a controller adds to a binary command is nearly a sum of the columns: whether that is held as well
     shows in other motions only. The mean square is that of the mixture of both (Hoeting et al. 1999), with
-    odds as uncertain as misfits are.
+    odds as uncertain as likelihoods are.
     """
     for other in others:
         if other.begun.found.fit.columns != taken.begun.found.fit.columns:
             continue
-        gap = 2.0 * (other.left(first) - taken.left(first)) / AS_LIKELY
+        gap = (other.left(first) - taken.left(first)) / AS_LIKELY
         chance = 1.0 / (1.0 + exp(min(gap, MOST_EXPONENT)))
         move = other.begun.found.fit.solution.x - taken.begun.found.fit.solution.x
         drift = better.found.drift + chance * (1.0 - chance) * np.outer(move, move)
@@ -184,7 +199,7 @@ def _follows(begun: Begun, key: str, late: float) -> bool:
     sizes = {
         effect: size
         for effect, size in zip(found.effects, found.sizes, strict=True)
-        if effect.channel == key and effect.kind in ("lag", "average")
+        if effect.channel == key and effect.kind in LOW_PASSES
     }
     if late * fs > 1.0:  # recorded late: when it was given is not known
         return not sizes
@@ -216,7 +231,7 @@ def better_held(begun: Begun, other: Held) -> Begun | None:
     """
     held, channels = other.begun, tuple(other.late)
     before, after = begun.found.fit, held.found.fit
-    gained = left_by(begun) - other.left(begun)
+    gained = left_by(begun, quiet_job(begun.task)) - other.left(begun)
     fewer = len(begun.found.effects) - len(held.found.effects)
     allowed = AS_LIKELY * (1 + fewer if fewer >= 0 else fewer)
     if _late_as_effect(begun.found, held.found, channels):

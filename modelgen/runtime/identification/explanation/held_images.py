@@ -55,8 +55,8 @@ def _cleaned(record: Record, plant: Plant, delays: Mapping[str, float], stepped:
         # what a hold makes of the steps takes their place
         steps = steps_only(record, found)
         held = steps.edited({key: hold(key) for key in found})
-        more = steps.edited({key: _less(key, held) for key in found})
-        record = record.edited({key: _less(key, more) for key in found})
+        more = steps.edited({key: less(key, held) for key in found})
+        record = record.edited({key: less(key, more) for key in found})
     for key in found:
         record = _without(record, held, plant, key, delays[key] * record.fs)
     return record
@@ -76,11 +76,11 @@ def _without(record: Record, held: Record, plant: Plant, key: str, late: float) 
         if sensor.key in record.signals and not space.D[place, column]:
             response = folded(space.A, space.B[:, column], space.C[place], record.fs, late)
             image = held.edited({sensor.key: behind(key, response, abs(late), 0.0)})
-            edits[sensor.key] = _less(sensor.key, image)
+            edits[sensor.key] = less(sensor.key, image)
     return record.edited(edits)
 
 
-def _less(key: str, other: Record) -> Edit:
+def less(key: str, other: Record) -> Edit:
     """Return a channel less that of another record."""
     return Edit(key, lambda samples, start: samples - other.read(key, start, start + len(samples)))
 

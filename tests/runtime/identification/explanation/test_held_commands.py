@@ -136,12 +136,11 @@ def test_whether_a_controller_is_sampled_hardly_shows_beside_binary_steps(seed: 
     # of J_m 3 %
     record = binary(seed, sampled)
     estimate = identify(SMALL, record)
-    assert holds(estimate, {"J_m": 0.02, "J_c": 5e-3, "K": 5e-3})
+    assert holds(estimate, {"J_m": 0.03, "J_c": 5e-3, "K": 5e-3})
     assert any("if the controller is sampled" in note for note in estimate.fit.notes)
     if sampled:
+        assert told_held(estimate)
         assert holds(identify(SMALL, record, Auto(held=("Gamma_m",))), {"J_m": 2e-3, "J_c": 5e-3, "K": 5e-3})
-    else:
-        assert any("takes steps at its samples" in note for note in estimate.fit.notes)
 
 
 @pytest.mark.slow
