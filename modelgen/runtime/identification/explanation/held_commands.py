@@ -33,6 +33,7 @@ from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     CLEARLY_LESS,
     HALF_SAMPLE,
+    HARDLY_MOVES,
     HARDLY_SHOWS,
     HELD_ROUNDS,
     HELD_SETTLED,
@@ -43,6 +44,7 @@ from modelgen.runtime.identification.thresholds import (
 from modelgen.runtime.iv.effect import LOW_PASSES
 from modelgen.runtime.iv.thresholds import AS_LIKELY
 from modelgen.runtime.least_squares.delays import with_holds
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.time_shifts import steps_only
 from modelgen.runtime.records.record import Record
 
@@ -127,12 +129,14 @@ def _or_other(better: Begun, taken: Held, others: Sequence[Held], first: Begun) 
         chance = 1.0 / (1.0 + exp(min(gap, MOST_EXPONENT)))
         move = other.begun.found.fit.solution.x - taken.begun.found.fit.solution.x
         drift = better.found.drift + chance * (1.0 - chance) * np.outer(move, move)
+        known = np.sqrt(np.diag(hac_covariance(better.found.fit) + better.found.drift))
+        shows = chance < HARDLY_SHOWS or np.all(np.abs(move) < HARDLY_MOVES * known)
         keys = ", ".join(taken.late)
         note = (
             f"whether {keys} is held between its steps as well hardly shows: the intervals hold both; if the "
             f"controller is sampled it is (--held {keys})"
         )
-        better = with_note(better, note, drift) if chance > HARDLY_SHOWS else better
+        better = better if shows else with_note(better, note, drift)
     return better
 
 
