@@ -37,6 +37,7 @@ from modelgen.runtime.identification.thresholds import (
     HARDLY_SHOWS,
     HELD_ROUNDS,
     HELD_SETTLED,
+    LEAST_APART,
     LEAST_BEFORE,
     MOST_EXPONENT,
     STEPS_TAKEN,
@@ -73,8 +74,8 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
     for place, one in enumerate(others):
         better = better_held(first, one)
         if better is not None:
-            return _or_other(better, one, others[place + 1 :], first)
-    return first
+            return _or_other(better, one.left(first), others[place + 1 :], first)
+    return _or_other(first, left_by(first, quiet_job(first.task)), others, first) if others else first
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +90,13 @@ class Held:
     def follows(self) -> bool:
         """Whether each can be held, and late by that."""
         return all(_follows(self.begun, key, late) for key, late in self.late.items())
+
+    @property
+    def surprise(self) -> float:
+        """Minus the logarithm of the chance that forces without a hold are as near to half a sample early."""
+        fs = self.begun.task.records[0].fs
+        apart = [abs(late * fs - round(late * fs)) for late in self.late.values()]
+        return 0.0 if self.stepped else -sum(log(2.0 * max(one, LEAST_APART)) for one in apart)
 
     def left(self, first: Begun) -> float:
         """Return how unlikely it is, see `left_by`; `first` has the records without a hold."""
@@ -115,28 +123,28 @@ def _alternatives(task: Task, first: Begun, run: Callable[[Task], Begun]) -> Ite
         yield Held(*_held(task, first, stepping, run, stepped=True), stepped=True)
 
 
-def _or_other(better: Begun, taken: Held, others: Sequence[Held], first: Begun) -> Begun:
-    """Return an estimate with what an alternative moves in its drift, as far as that is as likely.
+def _or_other(better: Begun, left: float, others: Sequence[Held], first: Begun) -> Begun:
+    """Return an estimate with what alternatives move in its drift, as far as these are as likely.
 
     What a controller adds to a binary command is nearly a sum of the columns: whether that is held as well
     shows in other motions only. The mean square is that of the mixture of both (Hoeting et al. 1999), with
-    odds as uncertain as likelihoods are.
+    odds as uncertain as likelihoods are; `left` is how unlikely the estimate is.
     """
     for other in others:
-        if other.begun.found.fit.columns != taken.begun.found.fit.columns:
+        fit, found = other.begun.found.fit, better.found
+        if fit.columns != found.fit.columns:
             continue
-        gap = (other.left(first) - taken.left(first)) / AS_LIKELY
-        chance = 1.0 / (1.0 + exp(min(gap, MOST_EXPONENT)))
-        move = other.begun.found.fit.solution.x - taken.begun.found.fit.solution.x
-        drift = better.found.drift + chance * (1.0 - chance) * np.outer(move, move)
-        known = np.sqrt(np.diag(hac_covariance(better.found.fit) + better.found.drift))
-        shows = chance < HARDLY_SHOWS or np.all(np.abs(move) < HARDLY_MOVES * known)
-        keys = ", ".join(taken.late)
+        chance = 1.0 / (1.0 + exp(min((other.left(first) - left) / AS_LIKELY, MOST_EXPONENT)))
+        move = fit.solution.x - found.fit.solution.x
+        known = np.sqrt(np.diag(hac_covariance(found.fit) + found.drift))
+        if chance < HARDLY_SHOWS or np.all(np.abs(move) < HARDLY_MOVES * known):
+            continue
+        keys = ", ".join(other.late)
         note = (
-            f"whether {keys} is held between its steps as well hardly shows: the intervals hold both; if the "
-            f"controller is sampled it is (--held {keys})"
+            f"how {keys} acts between its samples hardly shows: the intervals hold what may be; if the "
+            f"controller is sampled all of it is held (--held {keys})"
         )
-        better = better if shows else with_note(better, note, drift)
+        better = with_note(better, note, found.drift + chance * (1.0 - chance) * np.outer(move, move))
     return better
 
 
@@ -231,13 +239,13 @@ def better_held(begun: Begun, other: Held) -> Begun | None:
 
     What the holds move is in the intervals, unless they leave clearly less, or as little with fewer effects:
     the estimate without holds lies at the edge of a 95 % interval. What needs fewer effects may leave a
-    little more for each; what needs more of them has to leave less.
+    little more for each, as may what half a sample speaks for; what needs more of them has to leave less.
     """
     held, channels = other.begun, tuple(other.late)
     before, after = begun.found.fit, held.found.fit
     gained = left_by(begun, quiet_job(begun.task)) - other.left(begun)
     fewer = len(begun.found.effects) - len(held.found.effects)
-    allowed = AS_LIKELY * (1 + fewer if fewer >= 0 else fewer)
+    allowed = AS_LIKELY * (1 + fewer if fewer >= 0 else fewer) + other.surprise
     if _late_as_effect(begun.found, held.found, channels):
         allowed = max(allowed, -log(CLEARLY_LESS) * before.count)
     if before.columns != after.columns or gained < -allowed:
