@@ -20,6 +20,7 @@ from modelgen.runtime.least_squares.fit import (
     Fit,
     regressed_rows,
     residuals_of,
+    triangle_rows,
 )
 from modelgen.runtime.least_squares.orthogonal_solution import (
     LeastSquares,
@@ -38,7 +39,7 @@ from modelgen.runtime.numerics.qr_triangle import joined_triangle
 from modelgen.runtime.numerics.regressor import Regressor, Regressors, WeightedPieces
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.row_block import STRETCH, RowBlock
-from modelgen.runtime.rows.row_triangles import RowTriangle, triangle_rows
+from modelgen.runtime.rows.row_triangles import RowTriangle
 
 Part = TypeVar("Part", RowBlock, RowTriangle)
 
