@@ -27,7 +27,11 @@
     for (let k = Math.ceil(low / step); k * step <= high + 1e-9 * span; k++) found.push(k * step);
     return found;
   };
-  const label = (v) => String(Number(v.toPrecision(6)));
+  // as the drawings are printed: 6e+9 leaves room for the axis' name, 6000000000 does not
+  const label = (v) => {
+    const n = Number(v.toPrecision(6));
+    return n && (Math.abs(n) >= 1e6 || Math.abs(n) < 1e-4) ? n.toExponential() : String(n);
+  };
   const canvases = [];
 
   class Plot {

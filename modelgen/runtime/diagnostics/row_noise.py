@@ -38,6 +38,7 @@ def row_noise(
     row: int,
     x: FloatArray,
     moved: Record | None = None,
+    passed: Mapping[str, FloatArray] | None = None,
 ) -> float:
     """Return the rms that noise of the sensors gives Y - W x of a row, in its unit.
 
@@ -49,12 +50,16 @@ def row_noise(
         All base parameters in the model's order, zero for those not in the fit.
     moved : Record, optional
         The motion without noise: encoders are taken to round that.
+    passed : mapping of str to array, optional
+        By channel the share of its noise's power that it has, in the lines of `noise_band`.
     """
     band, total = noise_band(record, choice), 0.0
     ways = noise_ways(model, record, choice, factor)[row].of_residual(x)
     for key in ways.slopes:
         white = record.facts.spectrum(key).noise
         density = white if moved is None else _as_rounded(record, moved, key, white, band.frequency_hz)
+        if passed and key in passed:
+            density = density * passed[key]
         if isinstance(density, float):
             total += density * float(ways.products(key, band)[0, 0])
         else:

@@ -22,6 +22,9 @@ from modelgen.runtime.filters.thresholds import (
     LEAST_JUMP,
     MEDIAN_OF_NORMAL,
     MOST_JUMPS,
+    MOST_STEPPING,
+    STEP,
+    STEP_APART,
 )
 
 # Differences of even order are symmetric: a jump is in the middle.
@@ -38,6 +41,31 @@ def jumps(samples: FloatArray) -> IntArray:
     None where many do: that is how the signal is, and its own noise is not known.
     """
     return _standing_out(_high_difference(samples), JUMP, samples) + JUMP_ORDER // 2
+
+
+def steps(samples: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the samples at which a signal, shape (n,), takes a step, and how large it is, in its unit.
+
+    Shape (steps,) each. A step stands out of the changes about it, and may come as often as in a random
+    binary signal; where the usual change is as large there are none.
+    """
+    none = np.zeros(0, dtype=np.int64), np.zeros(0)
+    change = np.diff(samples)
+    if len(change) < STEP_APART:
+        return none
+    size = np.abs(change)
+    usual = float(np.median(size)) / MEDIAN_OF_NORMAL
+    places = np.flatnonzero(size > max(STEP * usual, LEAST_JUMP * float(np.std(samples))))
+    if usual == 0.0 or not places.size or len(places) > MOST_STEPPING * len(samples):
+        return none
+    around = places[:, None] + np.arange(-STEP_APART, STEP_APART + 1)
+    near = np.median(size[np.clip(around, 0, len(size) - 1)], axis=1) / MEDIAN_OF_NORMAL
+    places = places[size[places] > STEP * near]
+    rest = np.ones(len(change), dtype=bool)
+    rest[places] = False
+    # up to a step it changes as before: a controller that feels the step answers behind it
+    before = np.maximum.accumulate(np.where(rest, np.arange(len(change)), -1))[places]
+    return places + 1, change[places] - np.where(before < 0, 0.0, change[before])
 
 
 def bends(samples: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -41,6 +41,13 @@ DEFLECTED = 3.0
 SHORTEST_MEAN, LONGEST_MEAN, WHOLE_SAMPLE = 0.2, 1.1, 0.1
 # No command acts before it is given: by more than this share of a sample it is another cause.
 LEAST_BEFORE = 0.2
+# Of two explanations the other one counts where its chance is at least this, and it moves a parameter by more
+# than so many standard deviations; the largest exponent of odds.
+HARDLY_SHOWS, HARDLY_MOVES, MOST_EXPONENT = 1e-3, 0.1, 50.0
+# A command takes steps at its samples where this share of them is one.
+STEPS_TAKEN = 2e-3
+# Nearer to half a sample than this delays are not known, in samples.
+LEAST_APART = 0.01
 # Rounds in which a command is taken as held, at most; done when it moves by less than this share of a sample.
 HELD_ROUNDS, HELD_SETTLED = 3, 1e-3
 # Directions change at instants that are known to this share of a sample at best: speeds are read at samples,

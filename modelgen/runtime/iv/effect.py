@@ -18,6 +18,8 @@ Changes = Mapping[str, FloatArray]
 # form of friction. Rows know directions from a low-passed velocity only, and are no more exact than that.
 DIRECTION, REVERSAL = "direction", "reversal"
 AT_REVERSALS = (DIRECTION, REVERSAL)
+# Kinds of low-passes that a channel has gone through and the others have not.
+LOW_PASSES = frozenset({"lag", "average"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +111,7 @@ class Effect:
         sensors that are late themselves make a force seem earlier. `late` says by how many s forces are
         recorded late, where that is known, `fs` is in Hz.
         """
-        if self.kind not in ("lag", "average") or size > 0.0 or self.channel not in late:
+        if self.kind not in LOW_PASSES or size > 0.0 or self.channel not in late:
             return True
         least = self.samples(size, fs) * (0.5 if self.kind == "average" else 1.0)
         return -late[self.channel] * fs > LATE_SHARE * least - LATE_TOLERANCE

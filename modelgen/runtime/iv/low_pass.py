@@ -15,7 +15,7 @@ import numpy as np
 from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.filters.one_pass import one_pass
 from modelgen.runtime.iv.companion_simulation import Simulated
-from modelgen.runtime.iv.effect import Changes, Effect, curvature
+from modelgen.runtime.iv.effect import LOW_PASSES, Changes, Effect, curvature
 from modelgen.runtime.iv.thresholds import LEAST_PASSED, LEAST_PASSED_BEND
 from modelgen.runtime.least_squares.time_shifts import behind
 from modelgen.runtime.records.channels import Edit
@@ -61,13 +61,7 @@ def without_lag(key: str, size: float, fs: float) -> Edit:
     A force that acts behind a lag is its command through that low-pass; the delay is looked for apart. A
     positive size is that of a low-pass in the reading, which is undone.
     """
-    tau = float(np.sqrt(2.0 * abs(size))) * fs
-
-    def response(frequency: FloatArray) -> ComplexArray:
-        phase = 2.0j * np.pi * frequency * tau
-        return np.asarray(np.exp(phase) / (1.0 + phase))
-
-    return _without(key, response, size > 0.0, tau)
+    return behind(key, _set_right("lag", size, fs), _memory("lag", size, fs))
 
 
 def without_average(key: str, size: float, fs: float) -> Edit:
@@ -76,21 +70,41 @@ def without_average(key: str, size: float, fs: float) -> Edit:
     What an average takes away cannot be restored near its zeros: no more than a share of it is, with a bend
     in place of a corner, which would be felt at all frequencies.
     """
-    length = float(np.sqrt(24.0 * abs(size))) * fs
+    return behind(key, _set_right("average", size, fs), _memory("average", size, fs))
 
-    def response(frequency: FloatArray) -> ComplexArray:
-        passed = np.sinc(frequency * length)
+
+def noise_passed(effect: Effect, size: float, frequency_hz: FloatArray, fs: float) -> FloatArray:
+    """Return what setting a channel right makes of its noise, as a share of its power, shape (lines,).
+
+    One for what is no low-pass; fs in Hz.
+    """
+    if effect.edit is None or effect.kind not in LOW_PASSES or not size:
+        return np.ones(len(frequency_hz))
+    return np.asarray(np.abs(_set_right(effect.kind, size, fs)(frequency_hz / fs)) ** 2)
+
+
+def _memory(kind: str, size: float, fs: float) -> float:
+    """Return the time constant of a lag, or the length of an average, in samples."""
+    return float(np.sqrt((24.0 if kind == "average" else 2.0) * abs(size))) * fs
+
+
+def _set_right(kind: str, size: float, fs: float) -> Callable[[FloatArray], ComplexArray]:
+    """Return the response, frequencies in cycles a sample, that undoes a low-pass; or is one, if below 0."""
+    memory = _memory(kind, size, fs)
+
+    def lag(frequency: FloatArray) -> ComplexArray:
+        phase = 2.0j * np.pi * frequency * memory
+        return np.asarray(np.exp(phase) / (1.0 + phase))
+
+    def average(frequency: FloatArray) -> ComplexArray:
+        passed = np.sinc(frequency * memory)
         if size > 0.0:
             bend = np.maximum(passed, 0.0) ** LEAST_PASSED_BEND + LEAST_PASSED**LEAST_PASSED_BEND
             passed = bend ** (1.0 / LEAST_PASSED_BEND)
         return np.asarray(passed, dtype=complex)
 
-    return _without(key, response, size > 0.0, length)
-
-
-def _without(key: str, response: Callable[[FloatArray], ComplexArray], undone: bool, memory: float) -> Edit:
-    """Return a channel behind a frequency response (frequencies in cycles a sample), or without it."""
-    return behind(key, lambda f: 1.0 / response(f) if undone else response(f), memory)
+    response = lag if kind == "lag" else average
+    return (lambda f: 1.0 / response(f)) if size > 0.0 else response
 
 
 def _bent(key: str) -> Callable[[Simulated], Changes]:

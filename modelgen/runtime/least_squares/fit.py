@@ -16,7 +16,7 @@ from modelgen.runtime.numerics.qr_triangle import joined_triangle, lines_of, tal
 from modelgen.runtime.numerics.regressor import Regressor, Regressors
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import RowBlock, Stretch
-from modelgen.runtime.rows.row_triangles import RowTriangle
+from modelgen.runtime.rows.row_triangles import triangle_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,9 +173,21 @@ class Fit:
         return blocks, None if self.projected is None else self.projected.chosen(chosen)
 
     def all_parameters(self, names: Sequence[str]) -> FloatArray:
-        """Return the solution by these names, shape (names,), zero for those that are no columns."""
-        values = dict(zip(self.columns, self.solution.x.tolist(), strict=True))
-        return np.array([values.get(name, 0.0) for name in names])
+        """Return the solution by these names, shape (names,), zero for those that are no columns.
+
+        The array is not to be changed.
+        """
+        key = tuple(names)
+        if key not in self._named:
+            values = dict(zip(self.columns, self.solution.x.tolist(), strict=True))
+            self._named[key] = np.array([values.get(name, 0.0) for name in key])
+            self._named[key].flags.writeable = False
+        return self._named[key]
+
+    @cached_property
+    def _named(self) -> dict[tuple[str, ...], FloatArray]:
+        """What `all_parameters` has returned: every row of a long chain asks for the same."""
+        return {}
 
     @property
     def relative_error(self) -> float:
@@ -281,18 +293,3 @@ def regressed_rows(
         lines = weight * lines_of(tall_triangle(one.samples, block.Y)[:, 1:])
         found.append(np.column_stack([one.lines(lines[:, :-1]), lines[:, -1]]))
     return found
-
-
-def triangle_rows(
-    blocks: Sequence[RowBlock | RowTriangle], weights: Sequence[float], columns: int
-) -> list[FloatArray]:
-    """Return rows as good as the weighted [W Y] of each block, SI times weights, (few, columns + 1) each."""
-    parts = []
-    for weight, block in zip(weights, blocks, strict=True):
-        rows = weight * lines_of(block.triangle[:, 1:])
-        if block.touched is not None:
-            wide = np.zeros((len(rows), columns + 1))
-            wide[:, [*block.touched, columns]] = rows
-            rows = wide
-        parts.append(rows)
-    return parts

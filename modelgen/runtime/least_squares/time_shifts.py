@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from math import erfc
 
 import numpy as np
 
-from modelgen.array_types import ComplexArray, FloatArray
+from modelgen.array_types import ComplexArray, FloatArray, IntArray
 from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.least_squares.thresholds import EDGE_WIDTHS, LAGS, RESOLVED, SHORTEST_REACH, UNDISTORTED
 from modelgen.runtime.records.channels import Edit
@@ -60,6 +60,21 @@ def hold(channel: str) -> Edit:
     Frequencies above half the sampling frequency, which a hold adds, are left out.
     """
     return behind(channel, lambda f: np.sinc(f) * np.exp(-1j * np.pi * f), 1.0)
+
+
+def steps_only(record: Record, channels: Collection[str]) -> Record:
+    """Return a record whose channels are the sums of the steps they have taken, see `RecordFacts.steps`."""
+    return record.edited({key: _sum_of_steps(key, *record.facts.steps(key)) for key in channels})
+
+
+def _sum_of_steps(channel: str, places: IntArray, sizes: FloatArray) -> Edit:
+    total = np.r_[0.0, np.cumsum(sizes)]
+
+    def make(samples: FloatArray, start: int) -> FloatArray:
+        at = np.arange(start, start + len(samples))
+        return np.asarray(total[np.searchsorted(places, at, side="right")])
+
+    return Edit(channel, make)
 
 
 def mean_undone(channel: str, length: float) -> Edit:

@@ -20,7 +20,6 @@ from modelgen.runtime.least_squares.fit import (
     Fit,
     regressed_rows,
     residuals_of,
-    triangle_rows,
 )
 from modelgen.runtime.least_squares.orthogonal_solution import (
     LeastSquares,
@@ -39,7 +38,7 @@ from modelgen.runtime.numerics.qr_triangle import joined_triangle
 from modelgen.runtime.numerics.regressor import Regressor, Regressors, WeightedPieces
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.row_block import STRETCH, RowBlock
-from modelgen.runtime.rows.row_triangles import RowTriangle
+from modelgen.runtime.rows.row_triangles import RowTriangle, triangle_rows
 
 Part = TypeVar("Part", RowBlock, RowTriangle)
 

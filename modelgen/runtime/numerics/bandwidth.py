@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.numerics.decorrelation import principal_directions
+from modelgen.runtime.numerics.decorrelation import LEAST_POWER, principal_directions
 
 # scores of the instants of one record, shape (n, c) each, from the first on
 Series = Callable[[], Iterator[FloatArray]]
@@ -184,7 +184,7 @@ def _grown(sums: Sequence[_BlockSums], start: float, longest: int) -> float:
         # the cube root of chi square over its degrees of freedom is nearly normal (Wilson and Hilferty 1931)
         spread = uncertain * longer / 9.0
         if np.cbrt(growth) > 1.0 - spread + CERTAIN_GROWTH * np.sqrt(spread):
-            taken, unit = longer, _unit_directions(smooth)
+            taken, unit = longer, _unit_coordinates(smooth)
         longer *= 2.0
     return taken
 
@@ -208,6 +208,26 @@ def _unit_directions(smooth: FloatArray) -> FloatArray:
     size[size == 0.0] = np.inf
     power, directions = principal_directions(smooth / size)
     return np.asarray(directions / np.sqrt(power) / size[:, None])
+
+
+def _unit_coordinates(smooth: FloatArray) -> FloatArray:
+    """Return other such directions, shape (c, k), in all of which together sums of squares are the same.
+
+    Triangles are found in a tenth of the time of eigenvectors; they tell no directions that are rounding.
+    """
+    size = np.sqrt(np.einsum("nc,nc->c", smooth, smooth))
+    # sums of fewer blocks than columns depend on each other, at either end of a record
+    if len(smooth) < len(size) or not np.all(size > 0.0):
+        return _unit_directions(smooth)
+    even = smooth / size
+    try:
+        triangle = np.linalg.inv(np.linalg.cholesky(even.T @ even))
+    except np.linalg.LinAlgError:
+        return _unit_directions(smooth)
+    # no eigenvalue is above the trace, and none below one over that of the inverse
+    if len(size) * float(np.sum(triangle**2)) * LEAST_POWER > 1.0:
+        return _unit_directions(smooth)
+    return np.asarray(triangle.T / size[:, None])
 
 
 def _unevenness(unit: FloatArray) -> float:

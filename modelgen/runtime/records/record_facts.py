@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.array_types import FloatArray, IntArray
-from modelgen.runtime.filters.jumps import jumps
+from modelgen.runtime.filters.jumps import jumps, steps
 from modelgen.runtime.filters.noise_spectrum import ReadingSpectrum, mean_spectrum, reading_spectrum
 from modelgen.runtime.filters.power_spectrum import power_spectrum
 from modelgen.runtime.filters.rounding import rounding
@@ -205,6 +205,23 @@ class RecordFacts:
             low, high = max(start - JUMP_ORDER, 0), min(start + WHOLE + JUMP_ORDER, n)
             found = low + jumps(self._source.read(channel, low, high))
             yield found[(found >= start) & (found < start + WHOLE)]
+
+    def steps(self, channel: str) -> tuple[IntArray, FloatArray]:
+        """Return the samples at which a channel takes a step, and its size, shape (steps,), see `steps`."""
+
+        def make() -> tuple[IntArray, FloatArray]:
+            places, sizes = zip(*self._steps(channel), strict=True)
+            return np.concatenate(places), np.concatenate(sizes)
+
+        return self.channels[channel].once("steps", make)
+
+    def _steps(self, channel: str) -> Iterator[tuple[IntArray, FloatArray]]:
+        n = self._source.n
+        for start in range(0, n, WHOLE):
+            low, high = max(start - JUMP_ORDER, 0), min(start + WHOLE + JUMP_ORDER, n)
+            places, sizes = steps(self._source.read(channel, low, high))
+            inside = (low + places >= start) & (low + places < start + WHOLE)
+            yield low + places[inside], sizes[inside]
 
     def power(
         self, channel: str, derivative: int = 0, keep_mean: bool = False

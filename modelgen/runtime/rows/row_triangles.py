@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,12 +16,15 @@ import numpy.typing as npt
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.numerics.qr_triangle import tall_triangle, triangle_of
+from modelgen.runtime.numerics.qr_triangle import lines_of, tall_triangle, triangle_of
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
 from modelgen.runtime.rows.masks import Survey
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.row_terms import holds_force, holds_gain
+
+if TYPE_CHECKING:
+    from modelgen.runtime.rows.row_block import RowBlock
 
 # Triangles that are kept until they are joined: all of them would grow with the record.
 AT_A_TIME = 16
@@ -177,3 +180,18 @@ class _TakenRow:
     def triangle(self) -> FloatArray:
         """Return the triangle of all chunks, shape (k + 2, k + 2)."""
         return triangle_of(np.concatenate(self._triangles))
+
+
+def triangle_rows(
+    blocks: Sequence[RowBlock | RowTriangle], weights: Sequence[float], columns: int
+) -> list[FloatArray]:
+    """Return rows as good as the weighted [W Y] of each block, SI times weights, (few, columns + 1) each."""
+    parts = []
+    for weight, block in zip(weights, blocks, strict=True):
+        rows = weight * lines_of(block.triangle[:, 1:])
+        if block.touched is not None:
+            wide = np.zeros((len(rows), columns + 1))
+            wide[:, [*block.touched, columns]] = rows
+            rows = wide
+        parts.append(rows)
+    return parts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modelgen.runtime.filters.jumps import bends, jumps
+from modelgen.runtime.filters.jumps import bends, jumps, steps
 from modelgen.runtime.records.record import Record
 
 N = 4000
@@ -70,3 +70,24 @@ def test_a_long_channel_is_looked_at_in_stretches() -> None:
     found = Record({"F": samples}, 1000.0, "run").facts.jumps("F")
     assert sorted({min(at, key=lambda one: abs(one - place)) for place in found.tolist()}) == at
     np.testing.assert_array_equal(found, jumps(samples))
+
+
+def test_steps_of_a_binary_signal_are_found_with_their_size() -> None:
+    rng = np.random.default_rng(3)
+    binary = np.repeat(rng.choice([-1.0, 1.0], N // 10), 10)
+    slow = np.sin(2.0 * np.pi * 0.002 * K) + 1e-3 * rng.normal(size=N)
+    places, sizes = steps(binary + slow)
+    change = np.diff(binary)
+    assert places.tolist() == (np.flatnonzero(change) + 1).tolist()
+    np.testing.assert_allclose(sizes, change[places - 1], atol=0.01)
+
+
+def test_motion_and_noise_take_no_steps() -> None:
+    rest_and_ramps = np.clip(K - 2000, 0, 30) + np.clip(np.abs(K - 3000) - 40, 0, 300) * 0.2
+    for signal in (
+        SMOOTH,
+        rest_and_ramps + 0.01 * SMOOTH,
+        np.random.default_rng(5).normal(size=N),
+        np.zeros(N),
+    ):
+        assert not steps(signal)[0].size

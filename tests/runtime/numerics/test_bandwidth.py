@@ -129,3 +129,32 @@ def test_a_short_series_is_computed_once() -> None:
     series = bandwidth.KeptOnce(parts, 1800)
     next(iter(series()))
     assert series.whole is None
+
+
+@pytest.mark.parametrize("shape", [(60, 8), (30, 30)])
+def test_sums_of_squares_in_unit_coordinates_are_those_in_principal_directions(
+    shape: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(5)
+    series = rng.standard_normal(shape) @ np.diag(10.0 ** rng.uniform(-6.0, 6.0, shape[1]))
+    other = rng.standard_normal((20, shape[1])) * np.std(series, axis=0)
+    principal = bandwidth._unit_directions(series)
+
+    def asked(_: np.ndarray) -> np.ndarray:
+        raise AssertionError
+
+    monkeypatch.setattr(bandwidth, "_unit_directions", asked)
+    unit = bandwidth._unit_coordinates(series)
+    assert unit.shape == principal.shape
+    np.testing.assert_allclose(np.sum((series @ unit) ** 2), shape[1], rtol=1e-6)
+    np.testing.assert_allclose(np.sum((other @ unit) ** 2), np.sum((other @ principal) ** 2), rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["nothing", "sum", "nearly a sum"])
+def test_unit_coordinates_leave_out_directions_that_are_rounding(kind: str) -> None:
+    series = np.random.default_rng(6).standard_normal((50, 4))
+    if kind == "nothing":
+        series[:, 3] = 0.0
+    else:
+        series[:, 3] = series[:, 0] + series[:, 1] + (kind != "sum") * 1e-7 * series[:, 2]
+    assert bandwidth._unit_coordinates(series).shape == (4, 3)

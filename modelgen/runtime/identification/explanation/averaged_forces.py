@@ -20,6 +20,7 @@ from modelgen.runtime.identification.explanation.explained import Begun, late_fo
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LONGEST_MEAN, SHORTEST_MEAN, WHOLE_SAMPLE
+from modelgen.runtime.iv.effect import LOW_PASSES
 from modelgen.runtime.iv.thresholds import AS_LIKELY
 from modelgen.runtime.least_squares.delays import with_holds, with_means_undone
 
@@ -107,8 +108,7 @@ def _averaged_again(begun: Begun, channels: Collection[str]) -> bool:
     """Tell whether a force acts behind an average, or a lag, once it is no mean any more: it was none."""
     sized = zip(begun.found.effects, begun.found.sizes, strict=True)
     return any(
-        size < 0.0 and effect.channel in channels and effect.kind in ("lag", "average")
-        for effect, size in sized
+        size < 0.0 and effect.channel in channels and effect.kind in LOW_PASSES for effect, size in sized
     )
 
 
@@ -119,7 +119,7 @@ def averaged_forces(begun: Begun) -> dict[str, float]:
     """
     fs = begun.task.records[0].fs
     # one that shows as a low-pass is estimated already
-    shown = {effect.channel for effect in begun.found.effects if effect.kind in ("lag", "average")}
+    shown = {effect.channel for effect in begun.found.effects if effect.kind in LOW_PASSES}
     late = {key: by * fs for key, by in late_forces(begun).items() if key not in shown}
     return {key: min(2.0 * by, 1.0) for key, by in late.items() if SHORTEST_MEAN < 2.0 * by < LONGEST_MEAN}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,8 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice, noted
-from modelgen.runtime.diagnostics.row_noise import exceeding_noise
+from modelgen.runtime.diagnostics.row_noise import exceeding_noise, row_noise
+from modelgen.runtime.filter_choice.signal_to_noise import noise_band
 from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LEFT_SHARE, OVER_NOISE
@@ -18,6 +20,7 @@ from modelgen.runtime.rows.observation import Observation
 
 if TYPE_CHECKING:
     from modelgen.runtime.identification.explanation.drive_noise import DriveBias
+    from modelgen.runtime.identification.job import Job
     from modelgen.runtime.iv.effect import Effect
     from modelgen.runtime.iv.score_tests import Score
 
@@ -116,3 +119,36 @@ def exceeding(one: Begun, share: float = 0.0, multiple: float = OVER_NOISE) -> b
 def unexplained(one: Begun) -> bool:
     """Tell whether noise does not explain a row that is left, or what is left where an effect is told."""
     return bool(exceeding(one, LEFT_SHARE) or (noted(one.found.advice)[0] and exceeding(one)))
+
+
+def left_by(one: Begun, recorded: Job | None = None, held: Collection[str] = ()) -> float:
+    """Return how unlikely what has begun is, see `unlikely`; `recorded` has its records as they were."""
+    found = one.found
+    return unlikely(recorded or one.task.job, found.fit, found.effects, found.sizes, held)
+
+
+def unlikely(
+    job: Job, fit: Fit, effects: Sequence[Effect], sizes: Sequence[float], held: Collection[str] = ()
+) -> float:
+    """Return minus the logarithm of a fit's likelihood, each block with noise of one size.
+
+    What is left counts as a multiple of what noise of the sensors gives a row with its parameters. These, and
+    what an effect or a hold of the channels `held` takes off a channel by a low-pass, make less of noise
+    where they make less of a row: that explains nothing. Rows without noise count by size (`Fit.misfit`).
+    """
+    from modelgen.runtime.iv.low_pass import noise_passed
+
+    total, x = 0.0, fit.all_parameters(job.model.base_parameters)
+    for index, block in enumerate(fit.blocks):
+        record, factor = job.records[block.record], job.choice.decimation[block.record]
+        lines = noise_band(record, job.choice).frequency_hz
+        passed = {key: np.sinc(lines / record.fs) ** 2 for key in held}
+        for one, size in zip(effects, sizes, strict=True):
+            share = noise_passed(one, size, lines, record.fs)
+            passed[one.channel] = passed.get(one.channel, 1.0) * share
+        moved, left = (fit.simulated or {}).get(block.record), fit.rms(index)
+        noise = row_noise(job.model, record, job.choice, factor, block.row, x, moved, passed)
+        if noise <= 0.0 or left <= 0.0:
+            return fit.misfit
+        total += block.count * float(np.log(left / noise))
+    return total

@@ -8,10 +8,10 @@ would move stays in the intervals where the hold does not leave less.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from math import log
+from math import exp, log
 
 import numpy as np
 
@@ -24,18 +24,30 @@ from modelgen.runtime.identification.explanation.explained import (
     begun_at,
     delays_of,
     late_forces,
+    left_by,
+    with_note,
 )
-from modelgen.runtime.identification.explanation.held_images import without_images
+from modelgen.runtime.identification.explanation.held_images import less, without_images
+from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     CLEARLY_LESS,
     HALF_SAMPLE,
+    HARDLY_MOVES,
+    HARDLY_SHOWS,
     HELD_ROUNDS,
     HELD_SETTLED,
+    LEAST_APART,
     LEAST_BEFORE,
+    MOST_EXPONENT,
+    STEPS_TAKEN,
 )
+from modelgen.runtime.iv.effect import LOW_PASSES
 from modelgen.runtime.iv.thresholds import AS_LIKELY
 from modelgen.runtime.least_squares.delays import with_holds
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.least_squares.time_shifts import steps_only
+from modelgen.runtime.records.record import Record
 
 
 def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Callable[[Task], Begun]) -> Begun:
@@ -54,44 +66,142 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
     """
     if told:
         held = {key: delays_of(first).get(key, 0.0) for key in told}
-    else:
-        held = held_commands(first) if first.task.checks.drift_check else {}
-        task = _holding(task, tuple(held))
+        return _held(task, first, held, run)[0]
+    if not first.task.checks.drift_check:
+        return first
+    others = [one for one in _alternatives(task, first, run) if one.begun is not first and one.follows]
+    others.sort(key=lambda one: one.left(first))
+    for place, one in enumerate(others):
+        better = better_held(first, one)
+        if better is not None:
+            return _or_other(better, one.left(first), others[place + 1 :], first)
+    return _or_other(first, left_by(first, quiet_job(first.task)), others, first) if others else first
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """An estimate with held commands, or with their steps held alone, and by how many s each is late."""
+
+    begun: Begun
+    late: Mapping[str, float]
+    stepped: bool = False
+
+    @property
+    def follows(self) -> bool:
+        """Whether each can be held, and late by that."""
+        return all(_follows(self.begun, key, late) for key, late in self.late.items())
+
+    @property
+    def surprise(self) -> float:
+        """Minus the logarithm of the chance that forces without a hold are as near to half a sample early."""
+        fs = self.begun.task.records[0].fs
+        apart = [abs(late * fs - round(late * fs)) for late in self.late.values()]
+        return 0.0 if self.stepped else -sum(log(2.0 * max(one, LEAST_APART)) for one in apart)
+
+    def left(self, first: Begun) -> float:
+        """Return how unlikely it is, see `left_by`; `first` has the records without a hold."""
+        return left_by(self.begun, quiet_job(first.task), () if self.stepped else self.late)
+
+
+def quiet_job(task: Task) -> Job:
+    """Return a job whose forces lack the steps they take, which would pass for noise at high frequencies."""
+
+    def quiet(record: Record) -> Record:
+        keys = [key for key in stepping_commands(task) if key in record.signals]
+        steps = steps_only(record, keys)
+        return record.edited({key: less(key, steps) for key in keys})
+
+    return task.job.changed(lambda records: tuple(quiet(record) for record in records))
+
+
+def _alternatives(task: Task, first: Begun, run: Callable[[Task], Begun]) -> Iterator[Held]:
+    held = held_commands(first)
+    if held:
+        yield Held(*_held(_holding(task, tuple(held)), first, held, run))
+    stepping = dict.fromkeys(stepping_commands(task), 0.0)
+    if stepping:
+        yield Held(*_held(task, first, stepping, run, stepped=True), stepped=True)
+
+
+def _or_other(better: Begun, left: float, others: Sequence[Held], first: Begun) -> Begun:
+    """Return an estimate with what alternatives move in its drift, as far as these are as likely.
+
+    What a controller adds to a binary command is nearly a sum of the columns: whether that is held as well
+    shows in other motions only. The mean square is that of the mixture of both (Hoeting et al. 1999), with
+    odds as uncertain as likelihoods are; `left` is how unlikely the estimate is.
+    """
+    for other in others:
+        fit, found = other.begun.found.fit, better.found
+        if fit.columns != found.fit.columns:
+            continue
+        chance = 1.0 / (1.0 + exp(min((other.left(first) - left) / AS_LIKELY, MOST_EXPONENT)))
+        move = fit.solution.x - found.fit.solution.x
+        known = np.sqrt(np.diag(hac_covariance(found.fit) + found.drift))
+        if chance < HARDLY_SHOWS or np.all(np.abs(move) < HARDLY_MOVES * known):
+            continue
+        keys = ", ".join(other.late)
+        note = (
+            f"how {keys} acts between its samples hardly shows: the intervals hold what may be; if the "
+            f"controller is sampled all of it is held (--held {keys})"
+        )
+        better = with_note(better, note, found.drift + chance * (1.0 - chance) * np.outer(move, move))
+    return better
+
+
+def _held(
+    task: Task, first: Begun, held: Mapping[str, float], run: Callable[[Task], Begun], stepped: bool = False
+) -> tuple[Begun, Mapping[str, float]]:
+    """Return an estimate without images, and by how many s each command is late then.
+
+    What was estimated first where there is none.
+    """
     task, known = at_cutoff_of(task, first.task), first
-    for _ in range(HELD_ROUNDS if held else 0):
+    for _ in range(HELD_ROUNDS):
         try:
-            again = run(begun_at(without_images(task, held, known), known))
+            again = run(begun_at(without_images(task, held, known, stepped), known))
         except (IdentifiabilityError, DataError):
-            return first
+            return first, held
         # images feel when the command changes, which shows only without them
         late = {key: delays_of(again).get(key, delay) for key, delay in held.items()}
         moved = max(abs(late[key] - held[key]) * again.task.records[0].fs for key in held)
         known, held = again, late
         if moved < HELD_SETTLED:
             break
-    if told or known is first:
-        return known
-    if not all(_follows(known, key, late) for key, late in held.items()):
-        return first
-    return better_held(first, known, held) or first
+    return known, held
+
+
+def stepping_commands(task: Task) -> list[str]:
+    """Return the forces, of those whose delay is to be found, that take many steps at their samples.
+
+    A binary command under an analogue controller does: it is held, and what the controller adds is not.
+    """
+    return [
+        key
+        for key in task.job.late
+        if any(
+            key in record.signals and len(record.facts.steps(key)[0]) >= STEPS_TAKEN * record.n
+            for record in task.job.records
+        )
+    ]
 
 
 def held_commands(begun: Begun) -> dict[str, float]:
     """Return the forces whose delay was to be found that are early by half a sample, or one and a half.
 
-    With each by how many s it is late beside a hold: what is computed in one period may act in the next.
+    With each by how many s it is late beside a hold: what is computed in one period may act in the next. A
+    record of it may be late as well, by whole samples; by one, it may be a mean over the last sample.
     """
     fs = begun.task.records[0].fs
     beside = {key: late + 0.5 / fs for key, late in late_forces(begun).items()}
     return {
         key: late
         for key, late in beside.items()
-        if late * fs < HALF_SAMPLE and abs(late * fs - round(late * fs)) < HALF_SAMPLE
+        if abs(late * fs - round(late * fs)) < HALF_SAMPLE and round(late * fs) != 1
     }
 
 
 def _follows(begun: Begun, key: str, late: float) -> bool:
-    """Tell whether a command can be held, and late by so many s beside that.
+    """Tell whether a command, or its steps, can be held, and late by so many s beside that.
 
     A lag that is estimated beside the hold is late, too: together they cannot take longer than the command
     does, which acts after it is given. Where they do, the lag alone is what was taken for a hold. A low-pass
@@ -101,8 +211,10 @@ def _follows(begun: Begun, key: str, late: float) -> bool:
     sizes = {
         effect: size
         for effect, size in zip(found.effects, found.sizes, strict=True)
-        if effect.channel == key and effect.kind in ("lag", "average")
+        if effect.channel == key and effect.kind in LOW_PASSES
     }
+    if late * fs > 1.0:  # recorded late: when it was given is not known
+        return not sizes
     lag = sum(effect.samples(size, fs) for effect, size in sizes.items() if effect.kind == "lag")
     return all(size < 0.0 for size in sizes.values()) and -late * fs > lag - LEAST_BEFORE
 
@@ -122,31 +234,36 @@ def _late_as_effect(before: Explained, after: Explained, channels: Collection[st
     return bool(late) and kept <= names
 
 
-def better_held(begun: Begun, held: Begun, channels: Collection[str]) -> Begun | None:
+def better_held(begun: Begun, other: Held) -> Begun | None:
     """Return the estimate with holds unless it leaves more.
 
     What the holds move is in the intervals, unless they leave clearly less, or as little with fewer effects:
     the estimate without holds lies at the edge of a 95 % interval. What needs fewer effects may leave a
-    little more for each; what needs more of them has to leave less.
+    little more for each, as may what half a sample speaks for; what needs more of them has to leave less.
     """
+    held, channels = other.begun, tuple(other.late)
     before, after = begun.found.fit, held.found.fit
+    gained = left_by(begun, quiet_job(begun.task)) - other.left(begun)
     fewer = len(begun.found.effects) - len(held.found.effects)
-    allowed = AS_LIKELY * (1 + fewer if fewer >= 0 else fewer)
+    allowed = AS_LIKELY * (1 + fewer if fewer >= 0 else fewer) + other.surprise
     if _late_as_effect(begun.found, held.found, channels):
         allowed = max(allowed, -log(CLEARLY_LESS) * before.count)
-    if before.columns != after.columns or after.misfit > before.misfit + allowed:
+    if before.columns != after.columns or gained < -allowed:
         return None
     half = 0.5 * (after.solution.x - before.solution.x)
-    certain = after.misfit < before.misfit - AS_LIKELY * (0 if fewer > 0 else 1 - fewer)
+    certain = gained > AS_LIKELY * (0 if fewer > 0 else 1 - fewer)
+    found = held.found
+    drift = found.drift if certain else found.drift + np.outer(half, half)
+    held = replace(held, found=replace(found, drift=drift))
+    also = "" if certain else ", and the intervals hold what else it may be"
+    if other.stepped:
+        keys = ", ".join(channels)
+        return with_note(held, f"{keys} takes steps at its samples, and is held where it does{also}")
     what = (
         "acts half a sample later than recorded, as a command does that is held over every sample; it is "
-        "taken for one"
+        f"taken for one{also}"
     )
-    if not certain:
-        what += ", and the intervals hold what else it may be"
     told = tuple(
         Advice("more than the model", channel, what, f"name it (--held {channel})") for channel in channels
     )
-    found = held.found
-    drift = found.drift if certain else found.drift + np.outer(half, half)
-    return replace(held, found=replace(found, drift=drift, advice=(*told, *found.advice)))
+    return replace(held, found=replace(held.found, advice=(*told, *found.advice)))

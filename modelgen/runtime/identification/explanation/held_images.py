@@ -17,20 +17,22 @@ from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.identification.explanation.explained import Begun
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
-from modelgen.runtime.least_squares.time_shifts import behind
+from modelgen.runtime.least_squares.time_shifts import behind, hold, steps_only
 from modelgen.runtime.numerics.matrix_exponential import matrix_exponential
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.plant import Plant, make_plant, possible
 
 
-def without_images(task: Task, delays: Mapping[str, float], known: Begun) -> Task:
+def without_images(task: Task, delays: Mapping[str, float], known: Begun, stepped: bool = False) -> Task:
     """Return the task without what images of held commands add to the sensors.
 
     Parameters
     ----------
     task : Task
         Its records hold the commands as a hold makes them.
+    stepped : bool
+        They hold them as recorded, and only the steps that these take are to be held.
     delays : mapping of str to float
         By how many s these are late, by channel: below zero for a command that acts later.
     known : Begun
@@ -41,20 +43,30 @@ def without_images(task: Task, delays: Mapping[str, float], known: Begun) -> Tas
     plant = make_plant(model, values)
 
     def cleaned(records: tuple[Record, ...]) -> tuple[Record, ...]:
-        return tuple(_cleaned(record, plant, delays) for record in records)
+        return tuple(_cleaned(record, plant, delays, stepped) for record in records)
 
     return task.changed(cleaned)
 
 
-def _cleaned(record: Record, plant: Plant, delays: Mapping[str, float]) -> Record:
-    for key, delay in delays.items():
-        if key in record.signals:
-            record = _without(record, plant, key, delay * record.fs)
+def _cleaned(record: Record, plant: Plant, delays: Mapping[str, float], stepped: bool) -> Record:
+    found = [key for key in delays if key in record.signals]
+    held = record
+    if stepped:
+        # what a hold makes of the steps takes their place
+        steps = steps_only(record, found)
+        held = steps.edited({key: hold(key) for key in found})
+        more = steps.edited({key: less(key, held) for key in found})
+        record = record.edited({key: less(key, more) for key in found})
+    for key in found:
+        record = _without(record, held, plant, key, delays[key] * record.fs)
     return record
 
 
-def _without(record: Record, plant: Plant, key: str, late: float) -> Record:
-    """Return a record without what images of one command, late by so many samples, add to the sensors."""
+def _without(record: Record, held: Record, plant: Plant, key: str, late: float) -> Record:
+    """Return a record without what images of one command, late by so many samples, add to the sensors.
+
+    `held` has what is held of it.
+    """
     model = plant.model
     column = [entry.key for entry in model.actuators].index(key)
     space = plant.space((1,) * len(plant.sticking))
@@ -63,12 +75,12 @@ def _without(record: Record, plant: Plant, key: str, late: float) -> Record:
         # where a command is felt at once a reading at the instant of its change is either of two
         if sensor.key in record.signals and not space.D[place, column]:
             response = folded(space.A, space.B[:, column], space.C[place], record.fs, late)
-            image = record.edited({sensor.key: behind(key, response, abs(late), 0.0)})
-            edits[sensor.key] = _less(sensor.key, image)
+            image = held.edited({sensor.key: behind(key, response, abs(late), 0.0)})
+            edits[sensor.key] = less(sensor.key, image)
     return record.edited(edits)
 
 
-def _less(key: str, other: Record) -> Edit:
+def less(key: str, other: Record) -> Edit:
     """Return a channel less that of another record."""
     return Edit(key, lambda samples, start: samples - other.read(key, start, start + len(samples)))
 

@@ -10,6 +10,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.identification.explanation.explained import unlikely
 from modelgen.runtime.identification.explanation.look_at_residual import Seen, believable, look
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
@@ -24,7 +25,7 @@ from modelgen.runtime.identification.thresholds import (
     ROUGH,
     TRIED_TOO,
 )
-from modelgen.runtime.iv.effect import AT_REVERSALS, Effect
+from modelgen.runtime.iv.effect import AT_REVERSALS, LOW_PASSES, Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.iv.shaped_effects import fit_in_shape
@@ -208,9 +209,11 @@ class Search:
 
         Forces are late more often than sensors, and either more often than it has a clock of its own.
         """
-        # the misfit is half a chi square
-        most = min(freed.fit.misfit for _, _, freed in tried) + AS_LIKELY
-        equals = [entry for entry in tried if entry[2].fit.misfit < most]
+        # half a chi square
+        left = [freed.fit.misfit for _, _, freed in tried]
+        if any(LOW_PASSES & {one.kind for one in every} for _, every, _ in tried):
+            left = [unlikely(self.job, freed.fit, every, freed.sizes) for _, every, freed in tried]
+        equals = [one for one, misfit in zip(tried, left, strict=True) if misfit < min(left) + AS_LIKELY]
         (effect, effects, freed), *others = sorted(equals, key=lambda entry: self._rarity(entry[0]))
         equal = tuple(Equal(one, found.sizes[-1], found.fit.solution.x) for one, _, found in others)
         kinds = {one.kind for one in self.effects}

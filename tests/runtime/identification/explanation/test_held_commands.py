@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import Auto
@@ -77,3 +81,74 @@ def test_a_hold_that_a_low_pass_would_undo_is_none() -> None:
     record = chirp(None)
     early = record.edited({"Gamma_m": shift("Gamma_m", 1.5)})
     assert not told_held(identify(SMALL, early))
+
+
+def binary(seed: int, sampled: bool) -> Record:
+    """Return a record of a random binary force, held over samples, on top of a feedback: sampled, or not.
+
+    Exact: two bodies whose motor keeps its direction are a linear system, and so they are with a feedback.
+    """
+    p, n = TRUTH, 6000
+    rng = np.random.default_rng(seed)
+    kp, kd, speed = 0.04, 1.2e-3, 60.0
+    # q_m - speed t, q_c - speed t, their speeds; then the force that is held
+    K = np.array([[p["K"], -p["K"]], [-p["K"], p["K"]]])
+    D = np.array([[p["F_vmc"] + p["F_vm"], -p["F_vmc"]], [-p["F_vmc"], p["F_vmc"]]])
+    weight = np.array([1.0 / p["J_m"], 1.0 / p["J_c"]])
+    feedback = np.array([kp, 0.0, kd, 0.0])
+    A = np.zeros((5, 5))
+    A[:2, 2:4] = np.eye(2)
+    A[2:4, :4] = -weight[:, None] * np.hstack([K, D])
+    A[2, 4] = weight[0]
+    closed = A.copy()
+    closed[2, :4] -= weight[0] * feedback
+    step = expm((A if sampled else closed) / FS)
+    force = np.repeat(0.02 * rng.choice([-1.0, 1.0], n // 12), 12)
+    constant = -p["F_sm"] - p["F_vm"] * speed
+    x, states = np.linalg.solve(closed[:4, :4], -closed[:4, 4] * constant), np.zeros((n, 4))
+    for k in range(n):
+        states[k] = x
+        held = force[k] + constant - (feedback @ x if sampled else 0.0)
+        x = step[:4, :4] @ x + step[:4, 4] * held
+    assert np.min(states[:, 2] + speed) > 5.0  # nothing reverses
+    t = np.arange(n) / FS
+    signals = {
+        "q_m": states[:, 0] + speed * t,
+        "q_c": states[:, 1] + speed * t,
+        "Gamma_m": force - states @ feedback,
+    }
+    noisy = {key: one + NOISE[key] * rng.standard_normal(n) for key, one in signals.items()}
+    return Record(noisy, FS, "binary", "binary")
+
+
+def holds(estimate: Estimate, most: Mapping[str, float]) -> bool:
+    """Tell whether parameters are within 3 deviations of the truth, and these below that share of it."""
+    return all(
+        abs(estimate.params[name] - TRUTH[name]) < 3.0 * estimate.bse[name] < 3.0 * share * TRUTH[name]
+        for name, share in most.items()
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sampled", [False, True])
+@pytest.mark.parametrize("seed", [1, 2, 4])
+def test_whether_a_controller_is_sampled_hardly_shows_beside_binary_steps(seed: int, sampled: bool) -> None:
+    # of J_m 3 %
+    record = binary(seed, sampled)
+    estimate = identify(SMALL, record)
+    assert holds(estimate, {"J_m": 0.03, "J_c": 5e-3, "K": 5e-3})
+    assert any("controller is sampled" in note for note in estimate.fit.notes)
+    if sampled:
+        assert told_held(estimate)
+        assert holds(identify(SMALL, record, Auto(held=("Gamma_m",))), {"J_m": 2e-3, "J_c": 5e-3, "K": 5e-3})
+
+
+@pytest.mark.slow
+def test_a_held_command_that_is_recorded_late_is_found() -> None:
+    record = chirp(Drive(rate_hz=FS))
+    late = record.edited({"Gamma_m": shift("Gamma_m", -3.0)})
+    estimate = identify(SMALL, late)
+    assert told_held(estimate) == ["Gamma_m"]
+    for name in ("J_m", "J_c", "K"):
+        assert abs(estimate.params[name] - TRUTH[name]) < 3.0 * estimate.bse[name]
+        assert estimate.bse[name] < 2e-3 * TRUTH[name]
