@@ -31,7 +31,7 @@ from modelgen.runtime.identification.explanation.explained import (
     Begun,
     begun_with,
     exceeding,
-    left_by,
+    gained,
     run_method,
     unexplained,
     with_note,
@@ -266,7 +266,7 @@ def _or_from_starts(task: Task, method: IV, plain: Begun) -> Begun:
         return plain
     # what is impossible explains rows by terms that cancel each other, of which little is left
     possible = [_below(one) < BEYOND_CHANCE for one in (plain, found)]
-    better = left_by(found) < left_by(plain) - AS_GOOD
+    better = gained(plain, found) > AS_GOOD
     return found if possible[1] > possible[0] or (better and possible[1] == possible[0]) else plain
 
 

@@ -121,10 +121,19 @@ def unexplained(one: Begun) -> bool:
     return bool(exceeding(one, LEFT_SHARE) or (noted(one.found.advice)[0] and exceeding(one)))
 
 
-def left_by(one: Begun, recorded: Job | None = None, held: Collection[str] = ()) -> float:
-    """Return how unlikely what has begun is, see `unlikely`; `recorded` has its records as they were."""
-    found = one.found
-    return unlikely(recorded or one.task.job, found.fit, found.effects, found.sizes, held)
+def gained(before: Begun, after: Begun, recorded: Job | None = None, held: Collection[str] = ()) -> float:
+    """Return by how much more likely `after` is than `before`: differences of logarithms, see `unlikely`.
+
+    `recorded` has the records of both as they were, and `held` are channels that are held in `after`. Where
+    either leaves clearly more than noise it is an error of the forces that is left, which no low-pass of a
+    sensor makes less of: misfits are compared as they are.
+    """
+    fits = before.found.fit, after.found.fit
+    if exceeding(before) and exceeding(after):
+        return fits[0].misfit - fits[1].misfit
+    one, other = before.found, after.found
+    left = unlikely(recorded or before.task.job, fits[0], one.effects, one.sizes)
+    return left - unlikely(recorded or after.task.job, fits[1], other.effects, other.sizes, held)
 
 
 def unlikely(

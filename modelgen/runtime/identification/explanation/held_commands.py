@@ -23,8 +23,9 @@ from modelgen.runtime.identification.explanation.explained import (
     Explained,
     begun_at,
     delays_of,
+    exceeding,
+    gained,
     late_forces,
-    left_by,
     with_note,
 )
 from modelgen.runtime.identification.explanation.held_images import less, without_images
@@ -70,12 +71,12 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
     if not first.task.checks.drift_check:
         return first
     others = [one for one in _alternatives(task, first, run) if one.begun is not first and one.follows]
-    others.sort(key=lambda one: one.left(first))
+    others.sort(key=lambda one: -one.gained(first))
     for place, one in enumerate(others):
         better = better_held(first, one)
         if better is not None:
-            return _or_other(better, one.left(first), others[place + 1 :], first)
-    return _or_other(first, left_by(first, quiet_job(first.task)), others, first) if others else first
+            return _or_other(better, one.gained(first), others[place + 1 :], first)
+    return _or_other(first, 0.0, others, first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,14 +94,19 @@ class Held:
 
     @property
     def surprise(self) -> float:
-        """Minus the logarithm of the chance that forces without a hold are as near to half a sample early."""
+        """Minus the logarithm of the chance that forces without a hold are as near to half a sample early.
+
+        What a model lacks moves a delay: where more than noise is left, it may be anywhere by chance.
+        """
+        if self.stepped or exceeding(self.begun):
+            return 0.0
         fs = self.begun.task.records[0].fs
         apart = [abs(late * fs - round(late * fs)) for late in self.late.values()]
-        return 0.0 if self.stepped else -sum(log(2.0 * max(one, LEAST_APART)) for one in apart)
+        return -sum(log(2.0 * max(one, LEAST_APART)) for one in apart)
 
-    def left(self, first: Begun) -> float:
-        """Return how unlikely it is, see `left_by`; `first` has the records without a hold."""
-        return left_by(self.begun, quiet_job(first.task), () if self.stepped else self.late)
+    def gained(self, first: Begun) -> float:
+        """Return by how much more likely it is than `first`, which has the records without a hold."""
+        return gained(first, self.begun, quiet_job(first.task), () if self.stepped else self.late)
 
 
 def quiet_job(task: Task) -> Job:
@@ -123,18 +129,18 @@ def _alternatives(task: Task, first: Begun, run: Callable[[Task], Begun]) -> Ite
         yield Held(*_held(task, first, stepping, run, stepped=True), stepped=True)
 
 
-def _or_other(better: Begun, left: float, others: Sequence[Held], first: Begun) -> Begun:
+def _or_other(better: Begun, by: float, others: Sequence[Held], first: Begun) -> Begun:
     """Return an estimate with what alternatives move in its drift, as far as these are as likely.
 
     What a controller adds to a binary command is nearly a sum of the columns: whether that is held as well
     shows in other motions only. The mean square is that of the mixture of both (Hoeting et al. 1999), with
-    odds as uncertain as likelihoods are; `left` is how unlikely the estimate is.
+    odds as uncertain as likelihoods are; the estimate is `by` so much more likely than `first`.
     """
     for other in others:
         fit, found = other.begun.found.fit, better.found
         if fit.columns != found.fit.columns:
             continue
-        chance = 1.0 / (1.0 + exp(min((other.left(first) - left) / AS_LIKELY, MOST_EXPONENT)))
+        chance = 1.0 / (1.0 + exp(min((by - other.gained(first)) / AS_LIKELY, MOST_EXPONENT)))
         move = fit.solution.x - found.fit.solution.x
         known = np.sqrt(np.diag(hac_covariance(found.fit) + found.drift))
         if chance < HARDLY_SHOWS or np.all(np.abs(move) < HARDLY_MOVES * known):
@@ -243,15 +249,15 @@ def better_held(begun: Begun, other: Held) -> Begun | None:
     """
     held, channels = other.begun, tuple(other.late)
     before, after = begun.found.fit, held.found.fit
-    gained = left_by(begun, quiet_job(begun.task)) - other.left(begun)
+    more = other.gained(begun)
     fewer = len(begun.found.effects) - len(held.found.effects)
     allowed = AS_LIKELY * (1 + fewer if fewer >= 0 else fewer) + other.surprise
     if _late_as_effect(begun.found, held.found, channels):
         allowed = max(allowed, -log(CLEARLY_LESS) * before.count)
-    if before.columns != after.columns or gained < -allowed:
+    if before.columns != after.columns or more < -allowed:
         return None
     half = 0.5 * (after.solution.x - before.solution.x)
-    certain = gained > AS_LIKELY * (0 if fewer > 0 else 1 - fewer)
+    certain = more > AS_LIKELY * (0 if fewer > 0 else 1 - fewer)
     found = held.found
     drift = found.drift if certain else found.drift + np.outer(half, half)
     held = replace(held, found=replace(found, drift=drift))

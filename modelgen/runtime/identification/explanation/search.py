@@ -10,6 +10,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.explanation.explained import unlikely
 from modelgen.runtime.identification.explanation.look_at_residual import Seen, believable, look
 from modelgen.runtime.identification.job import Job
@@ -22,6 +23,7 @@ from modelgen.runtime.identification.thresholds import (
     MOST_EFFECTS,
     MOST_STEPS,
     MOST_TRIED,
+    OVER_NOISE,
     ROUGH,
     TRIED_TOO,
 )
@@ -31,6 +33,7 @@ from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.iv.shaped_effects import fit_in_shape
 from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS, LEVEL, LITTLE_OWN
 from modelgen.runtime.iv.told_effects import below_noise, left
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.numerics.tails import normal_beyond
 
 
@@ -204,6 +207,10 @@ class Search:
         late, rounded = self._out_of_step(effect, size), effect.name in seen.rounded
         return late < least or rounded or below_noise(effect, size, self.job.records)
 
+    def _leaves_noise(self, fit: Fit) -> bool:
+        """Tell whether what a fit leaves may be noise of the sensors, of which a low-pass leaves less."""
+        return not exceeding_noise(self.job.model, self.job.records, self.job.choice, fit, OVER_NOISE)
+
     def _with(self, tried: Sequence[tuple[Effect, tuple[Effect, ...], Freed]]) -> Search:
         """Return the search with the effect that leaves least; of equals the one that explained most.
 
@@ -211,7 +218,8 @@ class Search:
         """
         # half a chi square
         left = [freed.fit.misfit for _, _, freed in tried]
-        if any(LOW_PASSES & {one.kind for one in every} for _, every, _ in tried):
+        low_pass = any(LOW_PASSES & {one.kind for one in every} for _, every, _ in tried)
+        if low_pass and any(self._leaves_noise(freed.fit) for _, _, freed in tried):
             left = [unlikely(self.job, freed.fit, every, freed.sizes) for _, every, freed in tried]
         equals = [one for one, misfit in zip(tried, left, strict=True) if misfit < min(left) + AS_LIKELY]
         (effect, effects, freed), *others = sorted(equals, key=lambda entry: self._rarity(entry[0]))
