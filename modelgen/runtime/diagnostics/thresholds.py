@@ -159,6 +159,9 @@ FLAT = 3.0
 FALLING = 1.5
 # A ratio in the lowest band that is off by so much (of its logarithm) is no sensor's gain and no backlash.
 OFF = 0.05
+# A position is off by a ratio from so much on (a clock of its own takes 1e-3 of a way), where the way
+# explains this share of the difference, this share of it is none of what bends springs; of so many points.
+APART, WAY_SHARE, WAY_OF_ITS_OWN, WAY_POINTS = 2e-3, 0.9, 0.05, 2000
 # What chance moves of a ratio counts so many times.
 DEVIATIONS = 3.0
 # Every two of so many sensors are compared.

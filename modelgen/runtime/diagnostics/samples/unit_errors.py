@@ -1,7 +1,8 @@
 """Factors of units: between sensors of one motion, and between an estimate and the values expected.
 
 Only a wrong unit explains a thousand, or degrees in a radian where springs let two bodies move as one; only a
-wrong sign that they move against each other then.
+wrong sign that they move against each other then. A deflection does not grow with the way that both have
+gone: where the difference of two positions does, the spec's ratio or a scale is wrong, by however little.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.thresholds import (
     ALIKE,
+    APART,
     BANDS,
     COHERENCE,
     DEVIATIONS,
@@ -32,12 +34,15 @@ from modelgen.runtime.diagnostics.thresholds import (
     TURNED_UNITS,
     UNIT_FACTOR,
     UNIT_TOLERANCE,
+    WAY_OF_ITS_OWN,
+    WAY_POINTS,
+    WAY_SHARE,
 )
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.closed_loop import rigid_motion
 
-# Every two of so many sensors are compared.
+OF_RATIOS = "check the ratios of links in the spec, and the scale of both"
 
 
 def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterator[Advice]:
@@ -50,12 +55,12 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
     moves = rigid_motion(model) if len(sensors) > 1 and not model.is_arm else {}
     for one, other in pairs:
         found = low_frequency_ratios(record, one, other)
+        where = f"{record.name}, channel {other.key}, samples 0 to {record.n - 1}"
         if found is None:
             continue
         # a body's lever is how far it moves when the chain moves as one
         ratios = found.values * levers[str(one.body)] / levers[str(other.body)]
         ratio = float(np.median(ratios))
-        where = f"{record.name}, channel {other.key}, samples 0 to {record.n - 1}"
         # beyond a resonance a body moves the less the faster the motion is, and the other way
         falls = float(np.ptp(np.log(np.abs(ratios)))) > np.log(FALLING)
         known = "" if falls else _known_factor(model, one, other, abs(ratio))
@@ -66,7 +71,10 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
             yield Advice("unit", where, what, f"check the units of both ({meant}), and scale to SI")
         elif not falls and (off := _off_ratio(ratios, found.noise)) and moves_as_one(model):
             what = f"moves {off:.4g} times as far at low frequencies as {one.key} and the spec's ratios say"
-            yield Advice("unit", where, what, "check the ratios of links in the spec, and the scale of both")
+            yield Advice("unit", where, what, OF_RATIOS)
+        elif not falls and moves_as_one(model) and (off := _off_way(record, (one, other), levers, moves)):
+            what = f"moves {off:.5g} times as far as {one.key} and the spec's ratios say, the farther both go"
+            yield Advice("unit", where, what, OF_RATIOS)
         # gears may turn two bodies against each other
         turned = moves.get(str(one.body), 1.0) * moves.get(str(other.body), 1.0)
         if 1.0 / REVERSED < abs(ratio) < REVERSED and ratio * turned < 0.0 and moves_as_one(model):
@@ -84,6 +92,38 @@ def _off_ratio(ratios: FloatArray, noise: FloatArray) -> float | None:
     # a resonance bends it more the higher the bands are; noise bends the lowest of an acceleration
     explained = bent if bent <= above + OFF else np.inf
     return float(np.exp(logs[0])) if abs(logs[0]) > OFF + explained + noise[0] else None
+
+
+def _off_way(
+    record: Record, pair: tuple[Sensor, Sensor], levers: Mapping[str, float], moves: Mapping[str, float]
+) -> float | None:
+    """Return how many times as far as the spec says the second of two positions goes, where that is certain.
+
+    None also beyond a factor of two, where it is no ratio. Their difference is compared with the way, beyond
+    what springs bend by inertia, friction and damping, and what a delay or a zero is: the acceleration, the
+    speed and its sign, a constant. A motion whose way these explain (one slow sine) says nothing.
+    """
+    if any(sensor.measures != "position" for sensor in pair) or not moves:
+        return None
+    ways = [record.facts.stretches(sensor.key) for sensor in pair]
+    most = int(np.argmax([np.ptp(part) for part in ways[0]]))
+    points = -(-len(ways[0][most]) // WAY_POINTS)
+    first, second = (
+        np.mean(part[most][: len(part[most]) // points * points].reshape(-1, points), axis=1)
+        * np.sign(moves[str(sensor.body)])
+        / levers[str(sensor.body)]
+        for part, sensor in zip(ways, pair, strict=True)
+    )
+    speed = np.gradient(first)
+    others = np.column_stack([np.ones_like(first), speed, np.sign(speed), np.gradient(speed)])
+    basis = np.linalg.qr(others / np.maximum(np.max(np.abs(others), axis=0), np.finfo(float).tiny))[0]
+    way, apart = (one - basis @ (basis.T @ one) for one in (first, second - first))
+    whole, own, left = float(np.var(first) * len(first)), float(way @ way), float(apart @ apart)
+    if own <= WAY_OF_ITS_OWN * whole:
+        return None
+    off = float(way @ apart) / own
+    certain = abs(off) > APART and off**2 * own > WAY_SHARE * left
+    return 1.0 + off if certain and 1.0 / REVERSED < 1.0 + off < REVERSED else None
 
 
 def _known_factor(model: Model, one: Sensor, other: Sensor, ratio: float) -> str:
