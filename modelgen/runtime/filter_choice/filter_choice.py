@@ -38,7 +38,7 @@ from modelgen.runtime.filter_choice.explain import (
     seen_sentence,
 )
 from modelgen.runtime.filter_choice.motion_band import Band, band_sentence, record_band
-from modelgen.runtime.filter_choice.record_length import decimation_for, fitting_cutoff
+from modelgen.runtime.filter_choice.record_length import decimation_for, fewest_samples, fitting_cutoff
 from modelgen.runtime.filter_choice.thresholds import (
     ARM_BAND,
     DISTORTION,
@@ -113,7 +113,7 @@ def choose_filter(
         "direction_cutoff_hz": direction_cutoff_hz,
         "signal_cutoff_hz": signal_cutoff_hz,
     }
-    _check_options(records, hertz, filter_order, decimation)
+    _check_options(model, records, hertz, filter_order, decimation)
     highest = highest_derivatives(model, records)
     bands = tuple(
         record_band(model, record, [one.channel for one in highest if not one.spectra[index].lines])
@@ -273,6 +273,7 @@ def _cutoff_from(dynamics_hz: float, order: int, fs: float) -> tuple[float, str,
 
 
 def _check_options(
+    model: Model,
     records: Sequence[Record],
     hertz: Mapping[str, float | None],
     filter_order: int | None,
@@ -280,7 +281,8 @@ def _check_options(
 ) -> None:
     for record in records:
         if record.n < FEWEST_SAMPLES:
-            remedy = f"give a longer record, at least {FEWEST_SAMPLES} samples"
+            fewest = max(FEWEST_SAMPLES, fewest_samples(model, least_order(model), record.fs))
+            remedy = f"give a longer record, at least {fewest} samples"
             raise DataError.at(record.name, f"has {record.n} samples: too few to filter", remedy)
     half = 0.5 * min(record.fs for record in records)
     for name, value in hertz.items():

@@ -27,6 +27,9 @@ SIGNAL_CUTOFF = 4.0
 # Products of two signals of a chain, as rows of power have them, err less; noise times noise asks for less.
 POWER_BANDS = (5.0, 2.0)
 HIGHEST_CUTOFF = 0.4  # of the sampling frequency
+# Cut-offs that are looked at for one that a short record is long enough for, up to the highest: a lower one
+# needs thousands of samples.
+LOWEST_CUTOFF, CUTOFFS_TRIED = 0.001, 60
 # Reversals of a body are seen where noise changes its speed by this share of what the reversal changes.
 TURNS_CLEARLY = 0.1
 # A lower band does as well where a speed reverses in it no later, on average, than so many deviations of that

@@ -113,7 +113,9 @@ def block_tables(
     signs = np.where(np.array(derivatives) % 2 == 0, 1.0, -1.0)
     kept = lead + factor * np.arange(block // factor)
     lag = kept[None, :] - np.arange(-before, block + after)[:, None]
-    near = kernel[:, np.abs(lag)]
+    # samples may be kept farther apart than the kernel reaches
+    reached = np.pad(kernel, ((0, 0), (0, max(0, int(np.abs(lag).max()) + 1 - kernel.shape[1]))))
+    near = reached[:, np.abs(lag)]
     near[:, lag < 0] *= signs[:, None]
     # a sample j places beyond the margin before (after) is at lag kept + before + 1 + j (and alike)
     ahead = [tails @ np.linalg.matrix_power(A, int(t) + before - middle) for t in kept]

@@ -22,7 +22,7 @@ from modelgen.runtime.filters.block_numpy import BlockProduct, block_product
 from modelgen.runtime.filters.block_tables import block_tables
 from modelgen.runtime.filters.derivatives import EIGHTH_ORDER
 from modelgen.runtime.filters.thresholds import REACH_TOLERANCE, STATE_TOLERANCE
-from modelgen.runtime.filters.two_sided_kernel import Sections, kernel_reach, kernels
+from modelgen.runtime.filters.two_sided_kernel import Sections, kernel_reach, kernels, other_cutoff
 from modelgen.runtime.numerics.numba_support import wanted
 
 # A block of this many samples balances the product within blocks against the states between them.
@@ -143,7 +143,7 @@ def fused_operator(
     error = float(np.max(np.abs(table[:, middle + 1 :] - smooth) / peak))
     if error > STATE_TOLERANCE:
         what = f"has poles whose states are accurate to {error:.1g} of its response only"
-        raise DataError.at("filter", what, "give a higher cut-off frequency")
+        raise DataError.at("filter", what, other_cutoff(sos))
     table[:, middle + 1 :] = smooth  # the kernel without the rounding of its transform
     reach = kernel_reach(table, REACH_TOLERANCE)
     size = block or (FULL_RATE_BLOCK if factor == 1 else BLOCK)

@@ -66,9 +66,18 @@ def kernels(sos: FloatArray, derivatives: Sequence[int], stencil: Sequence[float
     return np.asarray(np.fft.irfft(spectra, n)[:, : n // 2], dtype=float)
 
 
-def longest_radius(sos: FloatArray) -> float:
-    """Return the largest modulus, dimensionless, of the poles of second-order sections, (sections, 6)."""
-    return max(float(np.max(np.abs(np.roots(section[3:])), initial=0.0)) for section in sos)
+def slowest_pole(sos: FloatArray) -> complex:
+    """Return the pole of second-order sections, (sections, 6), of the largest modulus, dimensionless."""
+    poles = [complex(pole) for section in sos for pole in np.roots(section[3:])]
+    return max(poles, key=abs, default=0.0 + 0.0j)
+
+
+def other_cutoff(sos: FloatArray) -> str:
+    """Return the cut-off to give where a response, of sections (k, 6), is too long.
+
+    It is so next to zero frequency, and next to half the sampling frequency, where poles are near -1.
+    """
+    return f"give a {'lower' if slowest_pole(sos).real < 0.0 else 'higher'} cut-off frequency"
 
 
 def kernel_reach(kernel: FloatArray, tolerance: float) -> int:
@@ -102,8 +111,8 @@ def table_length(sos: FloatArray) -> int:
         When the response takes more than half a million samples to end.
     """
     if not _ending(sos) <= LONGEST_KERNEL // 2:
-        what = f"has a pole at {longest_radius(sos):.9g}, so its response takes too long to end"
-        raise DataError.at("filter", what, "give a higher cut-off frequency, or a stable filter")
+        what = f"has a pole at {abs(slowest_pole(sos)):.9g}, so its response takes too long to end"
+        raise DataError.at("filter", what, f"{other_cutoff(sos)}, or a stable filter")
     return int(2 ** np.ceil(np.log2(2.0 * max(_ending(sos), 64.0))))
 
 
@@ -115,7 +124,7 @@ def is_tabled(sos: Sections) -> bool:
 
 def _ending(sos: FloatArray) -> float:
     """Return after how many samples the response is over."""
-    radius = longest_radius(sos)
+    radius = abs(slowest_pole(sos))
     if radius == 0.0:
         return 0.0
     # poles that lie close together decay like k^m r^k: half as long again

@@ -12,7 +12,7 @@ import numpy as np
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.filter_choice.record_length import end_samples, samples_needed
+from modelgen.runtime.filter_choice.record_length import end_samples, samples_needed, shorter_ways
 from modelgen.runtime.filters.fused_operator import fused_operator
 from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.numerics.threads import each
@@ -225,8 +225,6 @@ def unmasked_rows(
     DataError
         When the record is too short for the filter.
     """
-    fast = None if source.n >= COMPILED_SAMPLES else False
-    plan = signal_plan(model, matched_filtering(choice, source.fs, factor), fast)
     order, cutoff_hz = choice.filter_order, choice.cutoff_hz
     edge = end_samples(model, order, cutoff_hz, source.fs)
     start = max(edge, drop)
@@ -235,8 +233,10 @@ def unmasked_rows(
         raise DataError.at(
             source.name,
             f"has {source.n} samples; a filter of {cutoff_hz:.4g} Hz needs at least {needed}",
-            "give a longer record, one that moves faster, or a higher cutoff_hz",
+            shorter_ways(model, source, order, cutoff_hz, factor, drop),
         )
+    fast = None if source.n >= COMPILED_SAMPLES else False
+    plan = signal_plan(model, matched_filtering(choice, source.fs, factor), fast)
     return RecordRows(source, plan, range(start, source.n - edge, factor))
 
 

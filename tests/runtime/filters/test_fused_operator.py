@@ -208,3 +208,17 @@ def test_without_numba_numpy_does(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(DataError, match="numba cannot be imported"):
         operators(None, fast=True)
     fused_operator.cache_clear()
+
+
+def test_samples_may_be_kept_farther_apart_than_the_filter_reaches() -> None:
+    samples = signal(20_000)
+    sos, factor = sections(low_pass(0.3)), 5_000
+    every = fused_operator(sos, FS, (0, 1), 1, CENTRAL).apply(samples, 0, samples.size)
+    kept = fused_operator(sos, FS, (0, 1), factor, CENTRAL).apply(samples, 1_000, 3)
+    np.testing.assert_allclose(kept, every[1_000::factor][:3], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(("cutoff", "way"), [(1e-6, "higher"), (1.0 - 1e-6, "lower")])
+def test_a_response_that_is_too_long_asks_for_the_cutoff_that_shortens_it(cutoff: float, way: str) -> None:
+    with pytest.raises(DataError, match=f"give a {way} cut-off"):
+        fused_operator(sections(low_pass(cutoff)), FS, (0,), 1, CENTRAL)
