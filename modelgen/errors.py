@@ -102,7 +102,7 @@ class ModelgenError(Exception):
 
     def __init__(self, *problems: Problem) -> None:
         super().__init__(*problems)
-        self.problems = problems
+        self.problems = tuple(dict.fromkeys(problems))  # an option that is wrong is wrong for every file
 
     def __str__(self) -> str:
         return "\n".join(str(problem) for problem in self.problems)

@@ -199,14 +199,17 @@ def amounts(option: str, items: Iterable[str]) -> dict[str, float]:
     for item in items:
         key, _, text = item.partition("=")
         try:
-            amounts[key] = float(text)
+            number = float(text)
         except ValueError:
             problems.append(
                 Problem(f"{option} {item}", "cannot be read", "write KEY=NUMBER, such as q_m=2e-5")
             )
             continue
-        if not is_usable(amounts[key]):
+        if key in amounts:
+            problems.append(Problem(f"{option} {item}", f"gives {key} a second time", "give every key once"))
+        elif not is_usable(number):
             problems.append(Problem(f"{option} {item}", "cannot be calculated with", REMEDY))
+        amounts[key] = number
     DataError.raise_any(problems)
     return amounts
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -77,6 +78,19 @@ class OutputFiles:
             write_figure(self.figure, found, self.overwrite)
 
 
+def refuse_idle(report: Path | None, given: Mapping[str, object]) -> None:
+    """Refuse options, by their names, that say how a report is made where none is asked for.
+
+    Raises
+    ------
+    DataError
+    """
+    idle = [name for name, value in given.items() if value is not None and report is None]
+    if idle:
+        what = f"is missing: without it {' and '.join(idle)} would do nothing"
+        raise DataError.at("--report", what, f"give --report, or leave {' and '.join(idle)} out")
+
+
 def check_result(how: ResultOptions) -> None:
     """Check the file of an answer, if one is asked for, before any work is done; raises as `check_output`."""
     if how.output is not None:
@@ -95,5 +109,10 @@ def check_output(path: Path, suffixes: Sequence[str], overwrite: bool) -> None:
     if suffixes and path.suffix.lower() not in suffixes:
         raise DataError.at(str(path), f"has the suffix {path.suffix!r}", f"give it {' or '.join(suffixes)}")
     check_place(path)
+    if not path.parent.is_dir():
+        raise DataError.at(str(path), f"has no folder {path.parent}", "create the folder first")
+    if not os.access(path.parent, os.W_OK):
+        what = f"cannot be written: nothing may be, in the folder {path.parent}"
+        raise DataError.at(str(path), what, "check its permissions, or choose another folder")
     if path.exists() and not overwrite:
         raise DataError.at(str(path), "exists already", "choose another name, or give --overwrite")

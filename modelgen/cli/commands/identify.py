@@ -78,10 +78,11 @@ def identify(
     Prints parameters, modes, whether to trust them and what to do next. What is "chosen" is chosen from the
     records, unless it is given; --details explains it.
     """
-    from modelgen.cli.output_files import OutputFiles
+    from modelgen.cli.output_files import OutputFiles, refuse_idle
     from modelgen.cli.project.from_options import save_project
     from modelgen.cli.sensor_sets.identified import identified, models_of, read_for, sensors_from
 
+    refuse_idle(report_file, {"--controller": controller, "--spec": spec if module else None})
     wanted, of_records = sensors_from(sensors or ())
     models = models_of(module or (), spec, wanted, amounts("--set", value or ()), trust, data)
     outputs = OutputFiles(output, report_file, figure, overwrite, project_file)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modelgen.cli.data_arguments import DataOptions, carrying, read_files, tagged
-from modelgen.errors import DataError
+from modelgen.errors import DataError, Problem, listed
 
 if TYPE_CHECKING:
     from modelgen.runtime.joining.joint_estimate import JointEstimate
@@ -72,7 +72,7 @@ def models_of(
     from modelgen.runtime.model.model import load_model
 
     if modules:
-        models = [load_model(module, trust) for module in modules]
+        models = _chosen([load_model(module, trust) for module in modules], sensors)
     elif spec is not None:
         described = load_chain_or_arm(spec)
         names = [name for one in sensors or (None,) for name in modules_of(described, one)]
@@ -86,6 +86,16 @@ def models_of(
     if twice is not None:
         raise DataError.at("--model", f"names the sensors {twice} twice", "give one module a sensor set")
     return {model.sensor_set: with_known(model, known, "--set") for model in models}
+
+
+def _chosen(models: Sequence[Model], sensors: Sequence[str]) -> list[Model]:
+    """Return the modules' models of the sensor sets that are asked for; all if none is."""
+    titles = [model.sensor_set for model in models]
+    remedy = f"choose from the sensor sets of --model: {listed(titles)}"
+    DataError.raise_any(
+        [Problem(f"--sensors {one}", "is of no module", remedy) for one in sensors if one not in titles]
+    )
+    return [model for model in models if not sensors or model.sensor_set in sensors]
 
 
 def read_for(
