@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modelgen.cli.reversed_sensors import with_reversed
-from modelgen.errors import DataError, aligned, shortened
+from modelgen.errors import DataError, Problem, aligned, listed, shortened
 from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.joined.joined_source import SEPARATOR, open_record, paths_of
 from modelgen.runtime.files.source import Columns, Source
@@ -20,7 +20,7 @@ from modelgen.runtime.records.faults import Finding, clock_faults, reading_fault
 from modelgen.runtime.records.mapping_file import Proposed, mapping_text
 from modelgen.runtime.records.propose_mapping import propose
 from modelgen.runtime.records.read_record import read
-from modelgen.runtime.records.sampling_frequency import UNITS_PER_SECOND
+from modelgen.runtime.records.sampling_frequency import UNITS, likely_unit
 
 if TYPE_CHECKING:
     from modelgen.runtime.model.model import Model
@@ -54,7 +54,8 @@ def describe_file(path: Path, model: Model | None) -> Description:
     proposed = with_reversed(propose(source, model, still), model, columns)
     factor, unit = _time_unit(source, columns)
     findings = _findings(source, columns, proposed, factor)
-    problems = _would_fail(source, proposed, findings)
+    problems = _would_fail(source, proposed, findings, unit if source.clock else None)
+    problems += _still_problems(path, proposed, still)
     return {
         "file": str(path),
         "took": list(source.took),
@@ -147,12 +148,12 @@ def _time_unit(source: Source, columns: dict[str, Any]) -> tuple[float, str]:
     if values is None or values.size < 2:
         return 1.0, "s"
     step = abs(float(np.median(np.diff(values))))
-    names = ("s", "ms", "us", "ns")
-    # the coarsest unit in which a sample takes less than 50 ms, or that agrees with what is stated
-    for per_second, name in zip(UNITS_PER_SECOND, names, strict=True):
-        if source.fs is not None and abs(1.0 / (step * source.fs) * per_second - 1.0) < 0.01:
-            return 1.0 / per_second, name
-        if source.fs is None and 0.0 < step / per_second < 0.05:
+    if source.fs is None:
+        name = likely_unit(step)
+        return 1.0 / UNITS[name], name
+    # what agrees with the frequency that is stated
+    for name, per_second in UNITS.items():
+        if step > 0.0 and abs(1.0 / (step * source.fs) * per_second - 1.0) < 0.01:
             return 1.0 / per_second, name
     return 1.0, "s"
 
@@ -181,16 +182,28 @@ def _findings(
     return (*findings, *reading_faults(signals, units), *zero_faults(signals, units))
 
 
-def _would_fail(source: Source, proposed: tuple[Proposed, ...], findings: tuple[Finding, ...]) -> list[str]:
+def _would_fail(
+    source: Source, proposed: tuple[Proposed, ...], findings: tuple[Finding, ...], time_unit: str | None
+) -> list[str]:
     """Return what reading the file with the proposed mapping would stop at, findings aside."""
     mapping = {entry.key: entry.column for entry in proposed if entry.column is not None}
     if not mapping or any(not finding.kind.startswith("offset") for finding in findings):
         return []
     try:
-        read(source, mapping)
+        read(source, mapping, time_unit=time_unit)
     except DataError as error:
         return [str(problem) for problem in error.problems]
     return []
+
+
+def _still_problems(path: Path, proposed: tuple[Proposed, ...], still: Sequence[str]) -> list[str]:
+    """Return one problem per proposed column that never changes."""
+    remedy = "check its cable and its scale; it is right only if nothing moves or acts there"
+    return [
+        str(Problem(f"{path}: column {entry.column}", "has one number in every sample", remedy))
+        for entry in proposed
+        if entry.column in still
+    ]
 
 
 def import_lines(described: Description, written: Path | None, module: Path | None) -> list[str]:
@@ -224,7 +237,10 @@ def import_lines(described: Description, written: Path | None, module: Path | No
         [f"{entry['key']} <- {_taken(entry)}  ({entry['why']})" for entry in described["channels"]]
     )
     if written is not None:
-        lines += ["", f"wrote {written}: check it, then"]
+        missing = [entry["key"] for entry in described["channels"] if entry["column"] is None]
+        steps = ["check it", *([f"name the column of {listed(missing)} there"] if missing else [])]
+        steps += ["set right what is a problem"] if described["problems"] else []
+        lines += ["", f"wrote {written}: {', '.join(steps)}, then"]
         data, model, mapping = (
             shlex.quote(str(path)) for path in (described["file"], module or "MODULE.py", written)
         )

@@ -159,4 +159,9 @@ def test_readings_of_a_folder_are_mended_as_those_of_a_file_are(tmp_path: Path) 
     assert wrong[0] > 0.02 > 1e-5 > wrong[1]
     assert np.array_equal(mended.read("Gamma_m", 0, 2000), held.read("Gamma_m", 0, 2000))
     with pytest.raises(DataError, match="mends times, and the record has none"):
-        _folder(tmp_path, {**how, "mend": ("gaps",)}, "run")
+        _folder(tmp_path, {**how, "mend": ("duplicates",)}, "run")
+    channels["q_m"][700] = np.nan
+    np.save(tmp_path / "q_m.npy", channels["q_m"])
+    filled = _folder(tmp_path, {**how, "mend": ("fill",)}, "run")
+    assert filled.n == 2000 and abs(filled.signals["q_m"][700] - np.sin(9.0 * t[700])) < 1e-4
+    assert _folder(tmp_path, {**how, "mend": ("gaps",)}, "run").n == 1299

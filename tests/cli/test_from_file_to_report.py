@@ -113,7 +113,7 @@ def test_two_commands_to_a_report_and_the_second_is_printed_by_the_first(
         "estimate.json",
     )
     told = run(*second, *options, "--overwrite")
-    assert "mended: 1 samples with a repeated or backward time stamp dropped" in told.stderr
+    assert "mended: 1 samples with a repeated, backward or missing time stamp dropped" in told.stderr
     assert "wrote report.html" in told.stderr and "wrote estimate.json" in told.stderr
     page = (bench / "report.html").read_text(encoding="utf-8")
     assert "closed loop: phi_s, tracking error" in page

@@ -143,3 +143,25 @@ def test_a_matrix_without_names_has_its_times_found_by_their_even_steps(tmp_path
     for name, columns in (("count", [np.arange(40), np.sin(9.0 * steps)]), ("two", [steps, 3.0 * steps])):
         np.savez(tmp_path / f"{name}.npz", data=np.column_stack(columns))
         assert json.loads(run("import", tmp_path / f"{name}.npz", "--json").stdout)["time"] is None
+
+
+def test_what_identify_would_stop_at_is_a_problem_of_the_import(bench: Path, tmp_path: Path) -> None:
+    model = next(bench.glob("emps300_qm_ac.py"))
+    t = np.arange(200) * 500.0  # us, unnamed
+    q, a, f = np.sin(0.05 * np.arange(200)), np.full(200, 0.7), np.cos(0.05 * np.arange(200))
+
+    def lines(**columns: np.ndarray) -> list[str]:
+        path = tmp_path / "run.npz"
+        np.savez(path, **columns)
+        done = run("import", path, "--model", model, "--overwrite")
+        assert done.exit_code == 0, done.output
+        return done.output.splitlines()
+
+    good = lines(t=t, q_m=q, a_c=q, Gamma_m=f)
+    assert "times: column t in us" in good and not [line for line in good if line.startswith("problem")]
+    still = "\n".join(lines(t=t, q_m=q, a_c=a, Gamma_m=f))
+    assert "column a_c: has one number in every sample; check its cable" in still
+    assert "mend" not in still and "check it, set right what is a problem, then" in still
+    infinite = "\n".join(lines(t=t, q_m=np.where(t == 0.0, np.inf, q), a_c=q, Gamma_m=f))
+    assert "column q_m, sample 0: is inf" in infinite and "--mend fill" in infinite
+    assert "name the column of a_c there" in "\n".join(lines(t=t, q_m=q, Gamma_m=f))

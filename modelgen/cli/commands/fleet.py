@@ -193,11 +193,18 @@ def _folder(path: Path, how: Mapping[str, Any], name: str) -> Any:
 def _mended(record: Record, units: Mapping[str, str], mends: Sequence[str]) -> Record:
     """Return a folder's record with its readings mended: in memory, as files are."""
     from modelgen.runtime.records.record import Record
-    from modelgen.runtime.records.repair import check_mends, mend_offsets, mend_repeats, mend_turns
+    from modelgen.runtime.records.repair import (
+        check_mends,
+        mend_offsets,
+        mend_readings,
+        mend_repeats,
+        mend_turns,
+    )
 
     check_mends(mends, record.signals, timed=False)
     signals = {key: record.read(key, 0, record.n) for key in record.signals}
-    track = mend_offsets(mend_repeats(mend_turns(signals, mends), mends), units, mends)
+    there = mend_readings(mend_turns(signals, mends).signals, mends)
+    track = mend_offsets(mend_repeats(there, mends), units, mends)
     return Record(track.signals, record.fs, record.name, record.tag)
 
 

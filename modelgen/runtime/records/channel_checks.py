@@ -12,6 +12,8 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import Problem, listed
 from modelgen.magnitudes import FAINTEST, LARGEST
 
+MISSING_REMEDY = "cut the record there, or interpolate the missing samples"
+
 
 def checked_channel(where: str, key: Any, values: Any) -> tuple[FloatArray | None, list[Problem]]:
     """Return a read-only float64 copy of one channel, in its unit, shape (n,), or what is wrong with it."""
@@ -33,22 +35,28 @@ def checked_channel(where: str, key: Any, values: Any) -> tuple[FloatArray | Non
         array.flags.writeable = False
         return array, []
     # the mask of a masked array is lost in the copy: a masked sample is a missing one
-    missing = np.ma.getmaskarray(given)
-    bad = np.flatnonzero(missing | ~np.isfinite(array))
-    if bad.size and bad.size == array.size:
-        remedy = "give it another column (--map), or take a sensor set without it (--sensors)"
-        return array, [Problem(where, "holds no number", remedy)]
-    if bad.size:
-        first = int(bad[0])
-        value = "masked" if missing[first] else array[first]
-        what = f"is {value} ({bad.size} of {array.size} samples are not finite)"
-        remedy = "cut the record there, or interpolate the missing samples"
-        return array, [Problem(f"{where}, sample {first}", what, remedy)]
-    problem = magnitude_problem(where, array)
+    problem = missing_problem(where, given, MISSING_REMEDY) or magnitude_problem(where, array)
     if problem is not None:
         return array, [problem]
     array.flags.writeable = False
     return array, []
+
+
+def missing_problem(where: str, samples: npt.NDArray[Any], remedy: str) -> Problem | None:
+    """Return what is wrong where numbers, shape (n,), are masked or not finite; `remedy` is for a few."""
+    missing = np.ma.getmaskarray(samples)
+    with np.errstate(over="ignore"):
+        numbers = np.asarray(samples, dtype=float)
+    bad = np.flatnonzero(missing | ~np.isfinite(numbers))
+    if not bad.size:
+        return None
+    if bad.size == numbers.size:
+        away = "give it another column (--map), or take a sensor set without it (--sensors)"
+        return Problem(where, "holds no number", away)
+    first = int(bad[0])
+    value = "masked" if missing[first] else numbers[first]
+    what = f"is {value} ({bad.size} of {numbers.size} samples are not finite)"
+    return Problem(f"{where}, sample {first}", what, remedy)
 
 
 def _is_usual(samples: FloatArray) -> bool:

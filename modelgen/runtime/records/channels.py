@@ -11,6 +11,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.magnitudes import LARGEST
+from modelgen.runtime.records.channel_checks import MISSING_REMEDY
 
 # Samples read at a time where a whole channel is looked through.
 READ_SAMPLES = 1 << 18
@@ -169,5 +170,5 @@ def not_finite(source: Channels, channel: str, start: int, stop: int) -> DataErr
     low = max(start, 0)
     samples = np.asarray(source.read(channel, low, min(stop, source.n)), dtype=float)
     bad = int(np.flatnonzero(~(np.abs(samples) <= LARGEST))[0])
-    remedy = "cut the record there, or interpolate the missing samples"
-    return DataError.at(f"{source.name}: channel {channel}, sample {low + bad}", f"is {samples[bad]}", remedy)
+    where = f"{source.name}: channel {channel}, sample {low + bad}"
+    return DataError.at(where, f"is {samples[bad]}", MISSING_REMEDY)

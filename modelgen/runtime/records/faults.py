@@ -31,14 +31,16 @@ class Finding:
 def time_faults(clock: str, times: FloatArray) -> tuple[Finding, ...]:
     """Return duplicate and backward time stamps, gaps, and uneven steps of a column of times.
 
-    `times` has shape (n,), in s.
+    `times` has shape (n,), in s. Times that do not increase at all are no times, and nothing mends them.
     """
-    if times.size < 3 or not np.all(np.isfinite(times)):
-        return ()
+    bad = np.flatnonzero(~np.isfinite(times))
+    if bad.size:
+        what = f"{clock} is {times[bad[0]]} at {bad.size} of {times.size} samples, first at sample {bad[0]}"
+        return (Finding("duplicates", what),) if times.size - bad.size > 1 else ()
     steps = np.diff(times)
-    step = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
-    if step == 0.0:
-        return (Finding("duplicates", f"{clock} does not increase at all"),)
+    if times.size < 3 or not np.any(steps > 0.0):
+        return ()
+    step = float(np.median(steps[steps > 0.0]))
     findings = []
     repeated = np.flatnonzero(steps == 0.0)
     if repeated.size:
@@ -130,11 +132,12 @@ def reading_problems(
 def zero_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> tuple[Finding, ...]:
     """Return accelerations with a mean, and positions whose zeros differ; channels have shape (n,), in SI.
 
-    The mean of an acceleration is zero where a motion starts and ends at rest.
+    The mean of an acceleration is zero where a motion starts and ends at rest. Channels that miss a reading,
+    or never change, are not judged.
     """
     findings = []
     for key, samples in signals.items():
-        if units.get(key) not in ACCELERATIONS:
+        if units.get(key) not in ACCELERATIONS or not np.isfinite(samples).all() or np.ptp(samples) == 0.0:
             continue
         rms, mean = float(np.std(samples)), float(np.mean(samples))
         if abs(mean) > NOTED_OFFSET * rms > 0.0:
@@ -143,8 +146,10 @@ def zero_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> 
     for unit in POSITIONS:
         keys = [key for key in signals if units.get(key) == unit]
         for key in keys[1:]:
-            apart = float(signals[key][0] - signals[keys[0]][0])
-            spread = float(np.ptp(signals[keys[0]]))
+            pair = (signals[keys[0]], signals[key])
+            if not all(np.isfinite(samples).all() for samples in pair):
+                continue
+            apart, spread = float(pair[1][0] - pair[0][0]), float(np.ptp(pair[0]))
             if abs(apart) > NOTED_OFFSET * spread > 0.0:
                 what = f"{key} starts {apart:.4g} {unit} from {keys[0]}, which moves over {spread:.4g} {unit}"
                 findings.append(Finding(f"offset={key}", what))

@@ -17,7 +17,7 @@ from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.joined.joined_source import open_record
 from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.units import unit_from_text
-from modelgen.runtime.records.channel_checks import magnitude_problem
+from modelgen.runtime.records.channel_checks import magnitude_problem, missing_problem
 from modelgen.runtime.records.faults import (
     Finding,
     clock_faults,
@@ -30,10 +30,12 @@ from modelgen.runtime.records.faults import (
 from modelgen.runtime.records.picked_columns import Pick, pick_columns, taken_for, unit_problems
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.repair import (
+    OF_READINGS,
     Track,
     check_mends,
     join_clocks,
     mend_offsets,
+    mend_readings,
     mend_repeats,
     mend_times,
     mend_turns,
@@ -151,6 +153,7 @@ def read(
     clocks = {pick.key: clock if time else source.clocks.get(pick.column, clock) for pick in picks}
     loaded = _load(source, picks, [c for c in clocks.values() if c], time is None and stated is not None)
     _check_magnitudes(path, loaded)
+    _check_missing(path, loaded, picks, mend)
     signals = {pick.key: _in_si(loaded[pick.column], pick.factor) for pick in picks}
     turned = mend_turns(signals, mend)
     factor = _time_factor(source, time_unit, next(iter(clocks.values()), None))
@@ -196,6 +199,19 @@ def _check_magnitudes(path: Path, loaded: Columns) -> None:
     found = [magnitude_problem(f"{path}: column {column}", values) for column, values in numbers.items()]
     if any(found):
         raise DataError(*(problem for problem in found if problem is not None))
+
+
+def _check_missing(path: Path, loaded: Columns, picks: Sequence[Pick], mend: Sequence[str]) -> None:
+    """Raise one DataError for every column that holds no number, or misses some that are not to be mended."""
+    columns = {pick.column: loaded[pick.column] for pick in picks}
+    remedy = "cut the record there (--mend gaps), or interpolate the missing samples (--mend fill)"
+    found = [
+        missing_problem(f"{path}: column {column}", values, remedy)
+        for column, values in columns.items()
+        if values.dtype.kind in "iuf" and values.ndim == 1
+    ]
+    mended = any(one in OF_READINGS for one in mend)
+    DataError.raise_any([one for one in found if one is not None and not (mended and one.remedy == remedy)])
 
 
 def _in_si(values: npt.NDArray[Any], factor: float) -> npt.NDArray[Any]:
@@ -247,7 +263,7 @@ def _together(
     scaled = {id(found): found * factor for found in times.values() if found is not None}
     known = {key: scaled[id(found)] for key, found in times.items() if found is not None}
     if first is None or len(known) < len(keys):
-        return Track(np.empty(0), signals), ()
+        return mend_readings(signals, mend), ()
     distinct = {str(clocks[key]): known[key] for key in keys}
     findings = tuple(f for name, column in distinct.items() for f in time_faults(name, column))
     if all(same_clock(known[keys[0]], column) for column in distinct.values()):
@@ -262,6 +278,10 @@ def _together(
         if "clocks" not in mend:
             remedy = "bring them together with --mend clocks, or map channels of one column of times"
             raise DataError(*(Problem(str(source.path), finding.what, remedy) for finding in apart))
-        alone = {key: mend_times(Track(known[key], {key: signals[key]}), mend) for key in keys}
+        alone = {
+            key: mend_times(Track(known[key], {key: signals[key]}), mend, f"{source.path}: times of {key}")
+            for key in keys
+        }
         track = join_clocks({key: (part.times, part.signals[key]) for key, part in alone.items()})
-    return mend_times(track, mend) if mend else track, findings
+        track = replace(track, said=(*(said for part in alone.values() for said in part.said), *track.said))
+    return mend_times(track, mend, f"{source.path}: times") if mend else track, findings

@@ -1,8 +1,8 @@
 """Repair of a record, only as far as its owner asks for it; every change is reported with its size.
 
-- duplicates: drop samples whose time stamp does not come after the one before;
-- gaps: keep the longest stretch without a gap;
-- fill: interpolate linearly across gaps;
+- duplicates: drop samples whose time stamp is no number, or does not come after the one before;
+- gaps: keep the longest stretch without a gap, and in which no channel misses a reading;
+- fill: interpolate linearly across gaps, and where a channel misses a reading;
 - uneven: interpolate (cubic) onto equal steps;
 - clocks: interpolate (cubic) channels with times of their own onto those of the fastest;
 - unwrap=KEY: add the turns after which a position's reading begins again;
@@ -13,19 +13,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from modelgen.array_types import BoolArray, FloatArray
 from modelgen.errors import DataError, Problem, listed
 from modelgen.runtime.filters.readings import between_readings, modulus, repeats, turns, unwrapped
 from modelgen.runtime.records.faults import POSITIONS
-from modelgen.runtime.records.thresholds import GAP
+from modelgen.runtime.records.thresholds import GAP, UNIFORM
 
 MENDS = ("duplicates", "gaps", "fill", "uneven", "clocks")
 UNWRAP, REPEATS, OFFSET = "unwrap=", "repeats=", "offset="
 OF_CHANNELS = (UNWRAP, REPEATS, OFFSET)
+OF_READINGS = ("gaps", "fill")  # of times that are missing, too, where there are any
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +49,7 @@ def check_mends(mends: Iterable[str], keys: Iterable[str], timed: bool = True) -
             if mend.partition("=")[2] not in known:
                 remedy = f"name a channel: {listed(known)}"
                 problems.append(Problem(f"--mend {mend}", "names no channel of the record", remedy))
-        elif mend in MENDS and not timed:
+        elif mend in MENDS and mend not in OF_READINGS and not timed:
             problems.append(Problem(f"--mend {mend}", "mends times, and the record has none", "leave it out"))
         elif mend not in MENDS:
             remedy = f"choose from {', '.join((*MENDS, *(f'{one}KEY' for one in OF_CHANNELS)))}"
@@ -54,28 +57,45 @@ def check_mends(mends: Iterable[str], keys: Iterable[str], timed: bool = True) -
     DataError.raise_any(problems)
 
 
-def mend_times(track: Track, mends: Iterable[str]) -> Track:
-    """Return the track with its times mended, in the order: duplicates, gaps or fill, uneven."""
+def mend_times(track: Track, mends: Iterable[str], where: str = "times") -> Track:
+    """Return the track with its times mended, in the order: duplicates, gaps or fill, uneven.
+
+    Times that nothing mends (some are no numbers, most do not increase) are returned as they are. Readings
+    that are missing are mended where gaps are. `where` names the times in messages.
+    """
     wanted = tuple(mends)
     if "duplicates" in wanted:
         track = _without_duplicates(track)
-    if "gaps" in wanted:
+    if not _increase(track.times):
+        return track
+    track = _mend_missing(track, wanted)
+    if "gaps" in wanted and track.times.size > 1:
         track = _longest_stretch(track)
-    if "fill" in wanted:
-        track = _evenly(track, cubic=False, why="gaps filled")
+    if track.times.size < 2:
+        return track
+    if "fill" in wanted and not _is_even(track.times):
+        track = _evenly(where, track, cubic=False, why="gaps filled")
     if "uneven" in wanted:
-        track = _evenly(track, cubic=True, why="uneven steps made even")
+        track = _evenly(where, track, cubic=True, why="uneven steps made even")
     return track
+
+
+def mend_readings(signals: Mapping[str, FloatArray], mends: Iterable[str]) -> Track:
+    """Return channels without times, (n,) samples each, with readings that are missing mended as asked."""
+    return _mend_missing(Track(np.empty(0), signals), tuple(mends))
 
 
 def mend_turns(signals: Mapping[str, FloatArray], mends: Iterable[str]) -> Track:
     """Return the channels, shape (n,) each, SI, with the turns asked for added; no times are returned."""
     mended, said = dict(signals), []
     for key in _channels(mends, UNWRAP):
-        size = modulus(mended[key])
+        there = _finite(mended[key])
+        size = modulus(mended[key][there])
         if size is not None:
-            mended[key] = unwrapped(mended[key], size)
-            count = np.count_nonzero(turns(signals[key], size))
+            known = mended[key][there]
+            mended[key] = mended[key].astype(float)  # a copy
+            mended[key][there] = unwrapped(known, size)
+            count = np.count_nonzero(turns(known, size))
             said.append(f"{key} begins again after {size:.6g}: turns added at {count} samples")
     return Track(np.empty(0), mended, tuple(said))
 
@@ -131,11 +151,67 @@ def join_clocks(tracks: Mapping[str, tuple[FloatArray, FloatArray]]) -> Track:
 
 
 def _without_duplicates(track: Track) -> Track:
-    latest = np.maximum.accumulate(track.times)
-    keep = np.r_[True, track.times[1:] > latest[:-1]]
+    latest = np.fmax.accumulate(np.where(np.isfinite(track.times), track.times, -np.inf))
+    keep = np.isfinite(track.times) & np.r_[True, track.times[1:] > latest[:-1]]
     dropped = int(np.sum(~keep))
-    said = (f"{dropped} samples with a repeated or backward time stamp dropped",) if dropped else ()
+    if keep.size - dropped < 2:  # these are no times
+        return track
+    said = (f"{dropped} samples with a repeated, backward or missing time stamp dropped",) if dropped else ()
     return _part(track, keep, said)
+
+
+def _increase(times: FloatArray) -> bool:
+    """Return whether times, shape (n,), in s, are numbers most of which come after the one before."""
+    return times.size > 1 and bool(np.isfinite(times).all()) and float(np.median(np.diff(times))) > 0.0
+
+
+def _is_even(times: FloatArray) -> bool:
+    """Return whether the steps of times, shape (n,), in s, are those of one sampling frequency."""
+    steps = np.diff(times)
+    step = float(np.median(steps))
+    return bool(np.max(np.abs(steps - step)) <= UNIFORM * step)
+
+
+def _mend_missing(track: Track, wanted: tuple[str, ...]) -> Track:
+    """Return the track with readings that are missing cut out or interpolated, as far as asked for."""
+    lengths = {values.size for values in track.signals.values()}
+    there = {key: _finite(values) for key, values in track.signals.items()}
+    all_there = np.all(list(there.values()), axis=0) if len(lengths) == 1 else np.ones(0, dtype=bool)
+    if all_there.all() or not all(found.any() for found in there.values()):
+        return track  # also channels of no number at all, and of several lengths: the record refuses them
+    if "gaps" in wanted:
+        edges = np.flatnonzero(np.diff(np.r_[False, all_there, False].astype(int)))
+        if not edges.size:
+            return track
+        starts, stops = edges[::2], edges[1::2]
+        longest = int(np.argmax(stops - starts))
+        start, stop = int(starts[longest]), int(stops[longest])
+        said = f"cut where readings are missing: samples {start} to {stop - 1} kept"
+        return _part(track, _range(all_there.size, start, stop), (said,))
+    if "fill" not in wanted:
+        return track
+    start = max(int(np.argmax(found)) for found in there.values())
+    stop = min(found.size - int(np.argmax(found[::-1])) for found in there.values())
+    at = track.times if track.times.size else np.arange(all_there.size)
+    signals, said_of = dict(track.signals), []
+    for key, found in there.items():
+        count = int(np.count_nonzero(~found[start:stop]))
+        if count:
+            signals[key] = np.interp(at, at[found], signals[key][found])
+            said_of.append(f"{count} missing readings of {key} interpolated")
+    if stop - start < all_there.size:
+        said_of.append(f"cut to the samples {start} to {stop - 1}, between which all channels are read")
+    filled = replace(track, signals=signals)
+    return _part(filled, _range(all_there.size, start, stop), tuple(said_of))
+
+
+def _finite(values: npt.NDArray[Any]) -> BoolArray:
+    """Return where a channel has a number, shape (n,); what is not of numbers is left to the record."""
+    return np.isfinite(values) if values.dtype.kind in "iuf" else np.ones(values.shape, dtype=bool)
+
+
+def _range(size: int, start: int, stop: int) -> BoolArray:
+    return (np.arange(size) >= start) & (np.arange(size) < stop)
 
 
 def _longest_stretch(track: Track) -> Track:
@@ -145,22 +221,21 @@ def _longest_stretch(track: Track) -> Track:
         return track
     edges = np.r_[0, cuts, track.times.size]
     longest = int(np.argmax(np.diff(edges)))
-    keep = np.zeros(track.times.size, dtype=bool)
-    keep[edges[longest] : edges[longest + 1]] = True
-    said = f"cut at {cuts.size} gap(s): samples {edges[longest]} to {edges[longest + 1] - 1} kept"
-    return _part(track, keep, (said,))
+    start, stop = int(edges[longest]), int(edges[longest + 1])
+    said = f"cut at {cuts.size} gap(s): samples {start} to {stop - 1} kept"
+    return _part(track, _range(track.times.size, start, stop), (said,))
 
 
 def _part(track: Track, keep: BoolArray, said: tuple[str, ...]) -> Track:
     signals = {key: values[keep] for key, values in track.signals.items()}
-    return Track(track.times[keep], signals, track.said + said)
+    return Track(track.times[keep] if track.times.size else track.times, signals, track.said + said)
 
 
-def _evenly(track: Track, cubic: bool, why: str) -> Track:
+def _evenly(where: str, track: Track, cubic: bool, why: str) -> Track:
     times = track.times
     if np.any(np.diff(times) <= 0.0):
         remedy = "mend that first: --mend duplicates"
-        raise DataError.at("times", "repeat or run backward and cannot be interpolated", remedy)
+        raise DataError.at(where, "repeat or run backward and cannot be interpolated", remedy)
     step = float(np.median(np.diff(times)))
     # the mean step where no sample is missing: a clock that is read out in coarse digits drifts otherwise
     count = round(float(times[-1] - times[0]) / step)

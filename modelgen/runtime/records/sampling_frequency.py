@@ -12,7 +12,13 @@ from modelgen.runtime.records.thresholds import AGREEMENT, UNIFORM
 
 # What sets each kind of fault of the times right, in the order in which it is done.
 MENDS = {"duplicates": "duplicates", "gaps": "gaps (or fill)", "uneven": "uneven"}
-UNITS_PER_SECOND = (1.0, 1e3, 1e6, 1e9)  # times in s, ms, us, ns
+UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # of times: how many are a second
+LONGEST_STEP = 0.05  # s: the motion of a machine is sampled faster
+
+
+def likely_unit(step: float) -> str:
+    """Return the coarsest unit in which a step of times, in that unit, is one between samples of a motion."""
+    return next((name for name, count in UNITS.items() if 0.0 < step / count < LONGEST_STEP), "s")
 
 
 def sampling_frequency(where: str, stated: float | None, times: FloatArray | None) -> float:
@@ -43,14 +49,13 @@ def sampling_frequency(where: str, stated: float | None, times: FloatArray | Non
     _check_uniform(where, times, rounded=stated is not None)
     measured = (times.size - 1) / float(times[-1] - times[0])
     if stated is None:
-        if measured <= 1.0:
+        if measured <= 1.0 or not is_frequency(measured):
             what = f"steps by {1.0 / measured:.6g}, in seconds a sampling frequency of {measured:.6g} Hz"
-            raise DataError.at(
-                where, what, "give fs in Hz if the times are not in seconds, or their unit (--time-unit ms)"
-            )
+            remedy = "give fs in Hz if the times are not in seconds, or their unit (--time-unit "
+            raise DataError.at(where, what, f"{remedy}{likely_unit(1.0 / measured)})")
         # a clock carries no more digits; records of one bench then share one frequency
         return float(f"{measured:.9g}")
-    if all(abs(measured * unit / stated - 1.0) > AGREEMENT for unit in UNITS_PER_SECOND):
+    if all(abs(measured * unit / stated - 1.0) > AGREEMENT for unit in UNITS.values()):
         what = f"says {measured:.6g} Hz, but {stated:.6g} Hz is stated"
         raise DataError.at(where, what, "correct fs, or name the right column of times")
     return stated
@@ -61,9 +66,10 @@ def _check_uniform(where: str, times: FloatArray, rounded: bool) -> None:
         raise DataError.at(where, f"has {times.size} sample(s)", "give at least two samples")
     bad = np.flatnonzero(~np.isfinite(times))
     if bad.size:
-        raise DataError.at(
-            f"{where}, sample {bad[0]}", f"is {times[bad[0]]}", "correct the time, or give fs alone"
-        )
+        remedy = "correct the time, or drop the sample (--mend duplicates and --mend gaps (or fill))"
+        if bad.size > times.size - 2:
+            remedy = "name the right column of times"
+        raise DataError.at(f"{where}, sample {bad[0]}", f"is {times[bad[0]]}", remedy)
     steps = np.diff(times)
     step = float(np.median(steps))
     if step <= 0.0:

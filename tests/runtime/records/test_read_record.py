@@ -107,7 +107,7 @@ def test_columns_that_nobody_asked_for_may_hold_anything(tmp_path: Path) -> None
         ("t,q_m\n0,0,1,5\n0,1,2,5\n", "line 2: has 4 cells, the header has 2"),
         ("t,q_m\n0.0\n0.1\n", "line 2: has 1 cells, the header has 2"),
         ("t;q_m\n0,0;1_5\n0,1;2\n", "line 2, column q_m: is '1_5', no number"),
-        ("t,q_m\n0.0,1\n0.1,nan\n", "run: channel q_m, sample 1: is nan"),
+        ("t,q_m\n0.0,1\n0.1,nan\n", "run.csv: column q_m, sample 1: is nan"),
         ('# modelgen record {"fs": 1\n' + TABLE, "line 1: is a damaged record header"),
         ('# modelgen record {"fs": "1", "name": "a", "tag": null}\n' + TABLE, "is a damaged record header"),
     ],

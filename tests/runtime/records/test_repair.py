@@ -64,7 +64,7 @@ def test_gaps(tmp_path: Path, mend: str, count: int, first: float, words: str) -
 
 def test_duplicates(tmp_path: Path) -> None:
     reading = read(save(tmp_path, np.insert(T, 7, T[6])), mend=("duplicates",))
-    assert reading.mended == ("1 samples with a repeated or backward time stamp dropped",)
+    assert reading.mended == ("1 samples with a repeated, backward or missing time stamp dropped",)
     np.testing.assert_allclose(reading.record.signals["q"], wave(T), atol=1e-9)
 
 
