@@ -143,7 +143,7 @@ def fused_operator(
     error = float(np.max(np.abs(table[:, middle + 1 :] - smooth) / peak))
     if error > STATE_TOLERANCE:
         what = f"has poles whose states are accurate to {error:.1g} of its response only"
-        raise DataError.at("filter", what, other_cutoff(sos))
+        raise DataError.at("filter", what, other_cutoff(np.asarray(sos, dtype=float)))
     table[:, middle + 1 :] = smooth  # the kernel without the rounding of its transform
     reach = kernel_reach(table, REACH_TOLERANCE)
     size = block or (FULL_RATE_BLOCK if factor == 1 else BLOCK)
