@@ -73,7 +73,7 @@ def slowest_pole(sos: FloatArray) -> complex:
 
 
 def other_cutoff(sos: FloatArray) -> str:
-    """Return the cut-off to give where a response, of sections (k, 6), is too long.
+    """Return the cut-off to give where a response, of sections (k, 6) without a unit, is too long.
 
     It is so next to zero frequency, and next to half the sampling frequency, where poles are near -1.
     """

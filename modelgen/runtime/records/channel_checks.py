@@ -43,7 +43,10 @@ def checked_channel(where: str, key: Any, values: Any) -> tuple[FloatArray | Non
 
 
 def missing_problem(where: str, samples: npt.NDArray[Any], remedy: str) -> Problem | None:
-    """Return what is wrong where numbers, shape (n,), are masked or not finite; `remedy` is for a few."""
+    """Return what is wrong where numbers, shape (n,), any unit, are masked or not finite.
+
+    `remedy` is told where these are some of them.
+    """
     missing = np.ma.getmaskarray(samples)
     with np.errstate(over="ignore"):
         numbers = np.asarray(samples, dtype=float)

@@ -8,12 +8,11 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, shown_number
 from modelgen.runtime.records.faults import time_faults
-from modelgen.runtime.records.thresholds import AGREEMENT, UNIFORM
+from modelgen.runtime.records.thresholds import AGREEMENT, LONGEST_STEP, UNIFORM
 
 # What sets each kind of fault of the times right, in the order in which it is done.
 MENDS = {"duplicates": "duplicates", "gaps": "gaps (or fill)", "uneven": "uneven"}
 UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # of times: how many are a second
-LONGEST_STEP = 0.05  # s: the motion of a machine is sampled faster
 
 
 def likely_unit(step: float) -> str:

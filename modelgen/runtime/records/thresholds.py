@@ -42,6 +42,7 @@ NEAR = 1e-3
 SHARED = 64
 
 UNIFORM = 1e-3  # of the step: how far a step may be from the others
+LONGEST_STEP = 0.05  # s: the motion of a machine is sampled faster
 AGREEMENT = 1e-3  # relative: how far a stated frequency may be from the one of the times
 
 # So many whole periods at least, for a spread.
