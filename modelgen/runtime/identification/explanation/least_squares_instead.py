@@ -42,8 +42,8 @@ def least_squares_instead(
     """Return least squares where noise of the sensors hardly biases it; None where it does.
 
     Where a model is wrong its simulation is, too: the measured motion is the better regressor then. What the
-    two methods differ by widens the intervals, unless noise of the forces biases instruments by `driven`,
-    in SI, shape (c,).
+    two methods differ by widens the intervals. Where noise of the forces biases instruments by `driven`, in
+    SI, shape (c,), that is taken off them first, and they count for effects that only they have estimated.
     """
     iv = first.found
     late = {effect: size for effect, size in zip(iv.effects, iv.sizes, strict=True) if effect.kind == "delay"}
@@ -64,7 +64,9 @@ def least_squares_instead(
     worse |= bool(null_columns(fit, task.model, task.records, task.choice))
     if worse or fit.columns != iv.fit.columns or np.any(np.abs(bias) > BIAS_SHARE * spread):
         return None
-    move = contradiction(fit, iv.fit, job.share) if driven is None else np.zeros(len(spread))
+    move = contradiction(fit, _less(iv.fit, driven), job.share)
+    if driven is not None and len(late) == len(iv.effects):
+        move = np.zeros(len(spread))
     why = (
         "the residual is more than noise of the sensors, which"
         if driven is None
@@ -83,6 +85,13 @@ def least_squares_instead(
     weighed, _ = other_weights(task.job, fit)
     timing = timing_by_stretches(replace(job, late=task.job.late), method.least_squares, plain.found)
     return with_note(replace(plain, found=found), note, np.outer(move, move) + weighed + timing)
+
+
+def _less(fit: Fit, driven: FloatArray | None) -> Fit:
+    """Return a fit less what noise of the forces shifts it by, in SI, shape (c,), if that is known."""
+    if driven is None:
+        return fit
+    return replace(fit, solution=replace(fit.solution, x=fit.solution.x - driven))
 
 
 def least_squares_of_long_arm(task: Task, method: Auto, plain: Begun) -> Begun | None:
