@@ -122,6 +122,30 @@ def _force_effects(key: str, late: bool, peak: float) -> Iterator[Effect]:
     yield _clock(key)
     if peak > 0.0:
         yield from (_saturation(key, share * peak, peak) for share in SATURATED)
+        yield from _force_curves(key, peak)
+
+
+def _force_curves(key: str, peak: float) -> Iterator[Effect]:
+    """Yield that a force acts by less, or more, than is recorded: by a constant, or by its cube.
+
+    A drive has a dead zone, or a current's zero crossing is distorted; a torque constant falls with the
+    current, as iron saturates. Friction and inertia would take either over.
+    """
+    curves: dict[str, tuple[str, str, Callable[[FloatArray], FloatArray]]] = {
+        "dead zone": (
+            f"{key} acts by a constant less than is recorded, on either side of zero: a dead zone",
+            f"{key} is recorded by a constant less than acts, on either side of zero: a dead zone",
+            np.sign,
+        ),
+        "curve": (
+            f"the gain of {key} falls with its size: the larger it is, the less acts",
+            f"the gain of {key} rises with its size: the larger it is, the more acts",
+            lambda signal: signal * (signal / peak) ** 2,
+        ),
+    }
+    remedy = "measure how the force grows with its command, or compare amplitudes"
+    for name, (less, more, curve) in curves.items():
+        yield Effect(f"{name} of {key}", "form", less, more, remedy, _curved(key, curve), key)
 
 
 def _saturation(key: str, limit: float, peak: float) -> Effect:
@@ -159,6 +183,10 @@ def _less(key: str, size: float, record: Record) -> Edit:
 
 def _with(key: str, change: Callable[[FloatArray, float], FloatArray]) -> Callable[[Simulated], Changes]:
     return lambda simulated: {key: change(simulated.record.signals[key], simulated.record.dt)}
+
+
+def _curved(key: str, curve: Callable[[FloatArray], FloatArray]) -> Callable[[Simulated], Changes]:
+    return _with(key, lambda signal, dt: curve(signal))
 
 
 def _constant(key: str, index: int | None) -> Callable[[Simulated], Changes]:
