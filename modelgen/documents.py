@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, fields, is_dataclass
 from typing import Any
 
-from modelgen.errors import DataError, ModelgenError, Problem
+from modelgen.errors import DataError, ModelgenError, Problem, shortened
 
 DEEPEST = 32  # lists and tables in one another, and parts of a dotted key; nothing modelgen reads has ten
 MOST_TOML_TABLES = 30_000  # and lists: the parser takes seconds for more
@@ -69,7 +69,10 @@ def json_document(text: str, where: str, remedy: str) -> Any:
     _check_depth(text, JSON_MARKS, where, DataError)
     try:
         document = json.loads(
-            text.removeprefix("\ufeff"), parse_constant=_refuse_constant, parse_int=_integer
+            text.removeprefix("\ufeff"),
+            parse_constant=_refuse_constant,
+            parse_int=_integer,
+            object_pairs_hook=_object,
         )
     except json.JSONDecodeError as reason:
         place = f"{where}: line {reason.lineno} column {reason.colno}"
@@ -77,23 +80,32 @@ def json_document(text: str, where: str, remedy: str) -> Any:
     except RecursionError:
         raise _too_deep(where, DataError) from None
     except ValueError as reason:
-        if isinstance(reason, _NoNumber):
+        if isinstance(reason, _NotTaken):
             raise DataError.at(where, f"holds {reason}", remedy) from None
         raise _too_long(where, DataError) from None
     return document
 
 
-class _NoNumber(ValueError):
-    """A number that JSON does not have: NaN, Infinity, an integer beyond 64 bits."""
+class _NotTaken(ValueError):
+    """What JSON does not have (NaN, Infinity, an integer beyond 64 bits), or leaves open: a key twice."""
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise _NotTaken(f"the key {shortened(key)} twice")
+        found[key] = value
+    return found
 
 
 def _refuse_constant(word: str) -> float:
-    raise _NoNumber(f"{word}, which is no number in JSON")
+    raise _NotTaken(f"{word}, which is no number in JSON")
 
 
 def _integer(digits: str) -> int:
     if len(digits) > 20 or int(digits) not in INTEGERS:
-        raise _NoNumber(f"{digits[:20]}..., an integer beyond 64 bits")
+        raise _NotTaken(f"{digits[:20]}..., an integer beyond 64 bits")
     return int(digits)
 
 

@@ -147,6 +147,12 @@ def _size_problems(where: str, saved: SavedEstimate) -> Iterator[Problem]:
             if not (math.isnan(value) or is_usable(value)):
                 what = f"is {value:g}, not zero or between 1e-30 and 1e30"
                 yield Problem(f"{where}: {key}.{name}", what, ESTIMATE.remedy)
+    sizes = {key: getattr(saved, key) for key in NOT_FINITE}
+    for key in (*DEVIATIONS, *OF_PHYSICAL, "delay_std"):
+        sizes |= {f"{key}.{name}": value for name, value in getattr(saved, key).items()}
+    for key, value in sizes.items():
+        if value < 0.0:
+            yield Problem(f"{where}: {key}", f"is {value:g}, and cannot be negative", ESTIMATE.remedy)
     for key in MATRICES:
         rows = getattr(saved, key)
         if any(len(row) != len(rows) for row in rows):

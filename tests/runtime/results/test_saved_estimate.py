@@ -18,6 +18,7 @@ from modelgen.runtime.comparison.sensor_set_comparison import consistency
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.results.estimate_file import checked_estimate
 from modelgen.runtime.results.saved_estimate import LATER
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.runtime.simulation.validate import parameters_of
@@ -152,6 +153,24 @@ def test_a_number_changed_by_hand_is_found(saved: dict[str, Any], key: str, plac
         document[key]["J_m"] *= 1.01
     with pytest.raises(DataError, match=r"e\.json: .*does not agree with the other numbers"):
         Estimate.from_dict(document, "e.json")
+
+
+def test_a_key_that_stands_twice_is_refused() -> None:
+    with pytest.raises(DataError, match=r"e\.json: holds the key version twice"):
+        Estimate.from_json('{"format": "modelgen estimate", "version": 1, "version": 2}', "e.json")
+
+
+@pytest.mark.parametrize("key", ["bse", "noise_std", "physical_bse", "sigma", "relative_error"])
+def test_what_measures_a_size_is_not_negative(saved: dict[str, Any], key: str) -> None:
+    document = copy.deepcopy(saved)
+    table = isinstance(document[key], dict)
+    if table:
+        document[key]["J_m"] = -1.0
+    else:
+        document[key] = -1.0
+    place = f"e.json: {key}{'.J_m' if table else ''}: is -1, and cannot be negative"
+    with pytest.raises(DataError, match=place):
+        checked_estimate(document, "e.json")
 
 
 @pytest.mark.parametrize(
