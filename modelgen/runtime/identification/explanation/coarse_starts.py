@@ -50,6 +50,16 @@ class Start:
     sizes: tuple[float, ...]
     fit: Fit
 
+    def lagging(self, sizes: tuple[float, ...]) -> tuple[float, ...]:
+        """Return sizes with those of low-passes as of a single lag that is late by the delay found."""
+        late = {one.channel: by for one, by in zip(self.effects, sizes, strict=True) if one.kind == "delay"}
+        return tuple(
+            0.5 * late[one.channel] * abs(late[one.channel])
+            if one.kind == "lag" and one.channel in late
+            else size
+            for one, size in zip(self.effects, sizes, strict=True)
+        )
+
 
 def coarse_starts(job: Job) -> Iterator[Start]:
     """Yield where to start from: with zeros, with what is read at other instants, with both.

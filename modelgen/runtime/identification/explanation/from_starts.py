@@ -2,25 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
-from modelgen.runtime.identification.explanation.coarse_starts import coarse_starts, zeros_apart
+from modelgen.runtime.identification.explanation.coarse_starts import Start, coarse_starts, zeros_apart
 from modelgen.runtime.identification.explanation.explain_residual import explained
 from modelgen.runtime.identification.explanation.explain_stretches import long
-from modelgen.runtime.identification.explanation.explained import Begun, Explained, begun_with
-from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.explanation.explained import (
+    Begun,
+    Explained,
+    begun_with,
+    run_method,
+)
+from modelgen.runtime.identification.explanation.simulated_directions import (
+    left_a_sample,
+    with_simulated_directions,
+)
+from modelgen.runtime.identification.explanation.wider_directions import with_wider_directions
+from modelgen.runtime.identification.job import Change, Job
 from modelgen.runtime.identification.methods import IV
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import ZERO_APART
-from modelgen.runtime.iv.freed_effects import fit_with_effects
+from modelgen.runtime.iv.freed_effects import Freed, corrected, fit_with_effects
 from modelgen.runtime.iv.thresholds import AS_LIKELY, EFFECT_ROUNDS
 from modelgen.runtime.iv.told_effects import estimated
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.given_directions import bodies_with_signs, direction_channel, signs_of_rows
 
 
 def with_starts(task: Task, method: IV) -> Begun | None:
@@ -32,13 +47,10 @@ def with_starts(task: Task, method: IV) -> Begun | None:
     if all_from_composites(task.model):
         return None
     step("looking for zeros, delays and clocks of sensors")
-    job, setting = task.job, task.job.setting()
-    found = []
+    job, found = task.job, list[tuple[Start, Freed]]()
     for start in coarse_starts(job):
         try:
-            freed = fit_with_effects(
-                setting, job.calm, start.fit, start.effects, start.sizes, job.sharpened, EFFECT_ROUNDS
-            )
+            freed = _freed(job, start)
         except (IdentifiabilityError, DataError):
             continue
         found.append((start, freed))
@@ -51,11 +63,65 @@ def with_starts(task: Task, method: IV) -> Begun | None:
     none, effects = np.zeros((len(freed.fit.columns),) * 2), start.effects
     told = Explained(freed.observation, freed.fit, effects, freed.sizes, none, ())
     if task.checks.drift_check:
-        told = explained(job, freed, start.fit, effects)
+        task, freed = _with_directions(replace(task, method=method), start, freed)
+        told = explained(task.job, freed, start.fit, effects)
     else:
         advice = tuple(estimated(one, size, ()) for one, size in zip(effects, freed.sizes, strict=True))
         told = replace(told, advice=advice)
     return begun_with(replace(task, method=method), told)
+
+
+def _with_directions(task: Task, start: Start, freed: Freed) -> tuple[Task, Freed]:
+    """Return a task and its fit with effects, with directions of bodies as records without these show them.
+
+    What is read behind a slow low-pass turns late, and friction with it: that hides what else is wrong, and
+    what a simulation says of directions is of no use before the records are set right. What directions hide
+    first is how a low-pass bends: a single lag bends as its delay says.
+    """
+    best = task, freed
+    if not any(signs_of_rows(task.model)):
+        return best
+    for sizes in dict.fromkeys((freed.sizes, start.lagging(freed.sizes))):
+        with suppress(IdentifiabilityError, DataError):
+            other = _directed(task, start, sizes)
+            found = _freed(other.job, replace(start, fit=freed.fit, sizes=freed.sizes)) if other else freed
+            same = found.fit.columns == freed.fit.columns
+            if other and same and left_a_sample(found.fit) < left_a_sample(best[1].fit):
+                best = other, found
+    return best
+
+
+def _directed(task: Task, start: Start, sizes: Sequence[float]) -> Task | None:
+    """Return a task whose records bring directions, of effects of these sizes; None where none are better."""
+    apart = task.changed(partial(corrected, delays={}, effects=start.effects, sizes=sizes))
+    plain = with_wider_directions(run_method(apart, task.method))
+    turned = with_simulated_directions(plain)
+    if turned.found.fit is plain.found.fit:
+        return None
+    job = turned.task.job
+    changes = job.changes[len(task.job.changes) :]
+    bring = partial(_bring_directions, model=job.model, changes=changes)
+    own = replace(task.job, choice=job.choice, reversing=job.reversing, surveys=()).changed(bring)
+    return replace(task, choice=job.choice, job=own)
+
+
+def _freed(job: Job, start: Start) -> Freed:
+    """Return the fit with the effects of a start."""
+    effects, sizes = start.effects, start.sizes
+    return fit_with_effects(job.setting(), job.calm, start.fit, effects, sizes, job.sharpened, EFFECT_ROUNDS)
+
+
+def _bring_directions(
+    records: tuple[Record, ...], model: Model, changes: Sequence[Change]
+) -> tuple[Record, ...]:
+    """Return records with the directions of bodies, if any, that changes of them bring."""
+    keys, changed = [direction_channel(body) for body in bodies_with_signs(model)], records
+    for change in changes:
+        changed = change(changed)
+    return tuple(
+        record.edited({key: other.signals[key] for key in keys if key in other.signals})
+        for record, other in zip(records, changed, strict=True)
+    )
 
 
 def with_zeros(task: Task, run: Callable[[Task], Begun]) -> Begun | None:

@@ -62,7 +62,7 @@ def with_simulated_directions(begun: Begun) -> Begun:
             again = run_method(begun_at(replace(task, job=job_from), found), task.method)
         except (DataError, IdentifiabilityError):
             break
-        if again.found.fit.columns != fit.columns or _left(again.found.fit) > _left(fit):
+        if again.found.fit.columns != fit.columns or left_a_sample(again.found.fit) > left_a_sample(fit):
             break
         found = replace(again, task=replace(again.task, job=job))
     if unseen is not None and (found is begun or _digits(found) < _digits(begun, unseen)):
@@ -81,7 +81,7 @@ def _digits(begun: Begun, unseen: FloatArray | None = None) -> float:
     return -0.5 * float(np.sum(np.log(variance)))
 
 
-def _left(fit: Fit) -> float:
+def left_a_sample(fit: Fit) -> float:
     """Return what a fit leaves, the mean over its samples: rows may use more of them than those before."""
     return fit.misfit / sum(block.count for block in fit.blocks)
 
