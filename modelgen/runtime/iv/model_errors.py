@@ -126,7 +126,7 @@ def _force_effects(key: str, late: bool, peak: float) -> Iterator[Effect]:
 
 
 def _force_curves(key: str, peak: float) -> Iterator[Effect]:
-    """Yield that a force acts by less, or more, than is recorded: by a constant, or by its cube.
+    """Yield that a force acts by a constant less than is recorded, or by its cube less, or more.
 
     A drive has a dead zone, or a current's zero crossing is distorted; a torque constant falls with the
     current, as iron saturates. Friction and inertia would take either over.
@@ -134,7 +134,7 @@ def _force_curves(key: str, peak: float) -> Iterator[Effect]:
     curves: dict[str, tuple[str, str, Callable[[FloatArray], FloatArray]]] = {
         "dead zone": (
             f"{key} acts by a constant less than is recorded, on either side of zero: a dead zone",
-            f"{key} is recorded by a constant less than acts, on either side of zero: a dead zone",
+            "",  # no drive adds a constant to what it is told; an inertia that changes looks like that
             np.sign,
         ),
         "curve": (
