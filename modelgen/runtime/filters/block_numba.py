@@ -78,9 +78,9 @@ def loop_blocks(tables: BlockTables, kernel: Kernel) -> LoopBlocks:
     filled = len(far) // 2
     hop = np.zeros((filled, filled))
     hop[:n, :n] = tables.powers[0]
-    ends = [
-        int(np.flatnonzero(np.any(hop[:, j : j + LANES], axis=1))[-1]) + 1 for j in range(0, filled, LANES)
-    ]
+    # of states that have died away a block later none is left
+    used = [np.flatnonzero(np.any(hop[:, j : j + LANES], axis=1)) for j in range(0, filled, LANES)]
+    ends = [int(np.max(rows, initial=0)) + 1 for rows in used]
     return LoopBlocks(tables, near, far, hop, np.array(ends, dtype=np.int64), kernel)
 
 
