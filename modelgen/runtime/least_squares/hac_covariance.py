@@ -50,17 +50,10 @@ def hac_covariance(fit: Fit, grown: bool = True) -> FloatArray:
     that their triangle lets through. Its bandwidth is `scores_bandwidth`, and what that wants of small
     samples `few_instants`. Rows of one instant are taken together; masked instants count as zeros at
     their place, records as independent. It is computed once a solution: copies of a fit with other notes or
-    delays have the same. White rows are never taken to know more than eq. (11) says: where few instants tell
-    a parameter, their residuals alone say little of its variance, and less by chance where a cut-off is
-    chosen by it; noise that is white by now has one variance at all of them.
+    delays have the same.
     """
     r = fit.count
-    found = np.asarray(_long_run(fit, grown).covariances[0] * r / (r - len(fit.columns) - fit.lost))
-    if fit.white is None:
-        return found
-    least = np.diag(printed_covariance(fit)[1])
-    wider = np.sqrt(np.maximum(least / np.maximum(np.diag(found), np.finfo(float).tiny), 1.0))
-    return np.asarray(wider[:, None] * found * wider)
+    return np.asarray(_long_run(fit, grown).covariances[0] * r / (r - len(fit.columns) - fit.lost))
 
 
 def hac_bandwidth(fit: Fit) -> float:

@@ -148,7 +148,6 @@ def curved(records: list[Record], key: str, name: str, share: float) -> list[Rec
     ("name", "share", "words"),
     [
         ("dead zone", 0.2, "acts by a constant less than is recorded"),
-        ("dead zone", -0.2, "is recorded by a constant less than acts"),
         ("cube", 0.1, "falls with its size"),
         ("cube", -0.1, "rises with its size"),
     ],
