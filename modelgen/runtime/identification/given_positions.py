@@ -16,15 +16,13 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.identification.choose_cutoff import higher_cutoffs
-from modelgen.runtime.identification.elastic.other_springs import other_springs
-from modelgen.runtime.identification.elastic.settling import settled, settled_with
 from modelgen.runtime.identification.elastic.starting_springs import springs_pull, starting_springs
 from modelgen.runtime.identification.elastic.steps_about import (
     columns_of,
     fit_about,
     lags_little,
+    left_by,
     moved,
-    percent_with_forces_open,
     rest_with_forces_open,
     size_of,
     weighted,
@@ -32,9 +30,8 @@ from modelgen.runtime.identification.elastic.steps_about import (
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
-    BETTER_PLACES,
     CUTOFFS_WITHOUT_ESTIMATE,
-    LARGEST_PERCENT,
+    HELD_STEPS,
     LONGEST_SERIES,
     MOST_STEPS,
     ONE_WAY,
@@ -43,10 +40,10 @@ from modelgen.runtime.identification.thresholds import (
     SAME_RATIO,
     SETTLING_STEPS,
     WITHIN_NOISE,
-    WITHOUT_NUMBER_PERCENT,
 )
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open
@@ -56,16 +53,12 @@ from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open
 class Rest:
     """Where steps came to rest: a point, and by which ratio they shrank along a direction.
 
-    The ratio is 0 where they did not shrink slowly; `point` and `along`, in SI, are (base parameters,), and
-    so is each of `beyond`, by what the point is uncertain as springs elsewhere are as likely. `told`: whether
-    rows tell every spring, as far as is asked.
+    The ratio is 0 where they did not shrink slowly; `point` and `along`, in SI, are (base parameters,).
     """
 
     point: FloatArray
     along: FloatArray
     ratio: float
-    beyond: tuple[FloatArray, ...] = ()
-    told: bool = True
 
     def drift(self, fit: Fit, model: Model) -> FloatArray:
         """Return what noise moves the estimate by through the point, as a mean square in SI, (c, c).
@@ -73,15 +66,13 @@ class Rest:
         A fit holds the point as it is. As that moves with the estimate by `ratio` along the direction, what
         noise moves a step by is 1 / (1 - ratio) times as much when steps have come to rest.
         """
-        columns = columns_of(fit, model)
-        ratio, along = self.ratio, self.along[columns]
-        others = sum((np.outer(one[columns], one[columns]) for one in self.beyond), np.zeros(2 * along.shape))
+        ratio, along = self.ratio, self.along[columns_of(fit, model)]
         pull = fit.triangle[: len(along), : len(along)].T @ weighted(fit, self.along, model)
         length = float(along @ pull)
         if not ratio or not length:
-            return others
+            return np.zeros((len(along), len(along)))
         share = float(pull @ hac_covariance(fit) @ pull) / length**2
-        return others + ((1.0 - ratio) ** -2 - 1.0) * share * np.outer(along, along)
+        return ((1.0 - ratio) ** -2 - 1.0) * share * np.outer(along, along)
 
 
 def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
@@ -104,7 +95,6 @@ def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
         return task, None
     step("finding how far springs deflect")
     short: DataError | None = None
-    spare: tuple[Task, Rest] | None = None
     # where friction reverses all the time, rows that leave it open may hold nothing of the springs
     tasks = [task]
     if leaves_turns_open(task.model):
@@ -115,11 +105,8 @@ def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
         except DataError as error:
             short = short or error
             continue
-        if found is not None and found[1].told:
+        if found is not None:
             return found
-        spare = spare or found
-    if spare is not None:
-        return spare
     if short is not None:
         raise short
     if len(kernel.rows) < len(task.model.rows):
@@ -137,36 +124,23 @@ def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
 def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
     """Return the task about its estimate, and where that rests; None where no start leads there."""
     job = replace(task.job, late=(), rows_for_tag=None)
-    points = settled(job, kernel, starting_springs(task.model, kernel, task.records))
+    settled: list[tuple[float, int, FloatArray]] = []
+    for start in starting_springs(task.model, kernel, task.records):
+        point, left = _stepped(job, kernel, start, SETTLING_STEPS)
+        if point is not None:
+            settled.append((left, len(settled), point))
+    points = [point for _, _, point in sorted(settled, key=lambda one: one[:2])]
     opened = rest_with_forces_open(job, kernel, points) if kernel.speeds else None
     found = None if opened is None else Rest(opened, np.zeros(len(opened)), 0.0)
     for point in points:
         found = found or _rested(job, kernel, point)
-    if found is not None and not kernel.speeds:
-        found = _among_others(job, kernel, found)
     if found is None:
         return None
     if kernel.speeds and opened is None:
         opened = rest_with_forces_open(job, kernel, (found.point,), anyway=True)
         found = found if opened is None else replace(found, point=opened)
-        percent = percent_with_forces_open(job, kernel, found.point)
-        if percent > WITHOUT_NUMBER_PERCENT:
-            return None
-        found = replace(found, told=percent < LARGEST_PERCENT)
     model = replace(task.model, kernel=kernel.at(found.point, sampled=True))
     return replace(task, model=model, job=replace(task.job, model=model)), found
-
-
-def _among_others(job: Job, kernel: DeflectedKernel, found: Rest) -> Rest:
-    """Return a place of rest, or a more likely one that springs held elsewhere lead to; how sure it is."""
-    for _ in range(BETTER_PLACES):
-        better, beyond = other_springs(job, kernel, found.point)
-        place = None if better is None else settled_with(job, kernel, better, (), SETTLING_STEPS)
-        rest = None if place is None else _rested(job, kernel, place.point)
-        if rest is None:
-            break
-        found = rest
-    return replace(found, beyond=beyond)
 
 
 def rows_without(model: Model, kernel: DeflectedKernel) -> Model:
@@ -230,3 +204,29 @@ def _slow_ratio(fit: Fit, model: Model, steps: tuple[FloatArray, FloatArray, Flo
         return 0.0
     ratio = 1.0 + float(along @ bent) / length
     return ratio if 0.5 < ratio < 1.0 else 0.0
+
+
+def _stepped(
+    job: Job, kernel: DeflectedKernel, point: FloatArray, steps: int
+) -> tuple[FloatArray | None, float]:
+    """Return the point after so many steps, None where one fails, and what the last one left.
+
+    The first of them leave springs and dampers as they are, the next ones dampers: what acts less is to
+    follow what acts more.
+    """
+    left, names = np.inf, job.model.base_parameters
+    springs = {names[c] for row in kernel.giving for c in row.acting(0)}
+    dampers = {names[c] for row in kernel.giving for c in row.acting(1)}
+    for count in range(steps):
+        try:
+            fit = fit_about(job, kernel, point)
+            held = springs | dampers if count < HELD_STEPS else dampers if count < 2 * HELD_STEPS else set()
+            if held:
+                fit = refit(fit, [name for name in fit.columns if name not in held])
+        except IdentifiabilityError:
+            return None, np.inf
+        point = moved(job.model, kernel, fit, point)
+        if not springs_pull(kernel, point):
+            return None, np.inf
+        left = left_by(fit)
+    return point, left

@@ -155,14 +155,14 @@ COPIES_OF_ROWS_IV, COPIES_OF_CHANNELS = 5.0, 5.0
 # To cut records is no remedy where fewer samples would be left.
 FEWEST_LEFT = 5000
 
-# Where rows hold positions that springs give: deflections as shares of the motion to start from, those first
-# that mostly lead somewhere, far from each other: two that agree end it; steps that hold springs and dampers,
-# and as many that hold dampers, steps after which starts are compared, and more from so many of the best;
-# most steps, and the last step's size in units of the residual's norm, or of the rows' where there is no
-# noise; the least cosine between steps that go one way, how far ratios of a series differ, and its longest
-# sum in units of its first; the largest angle in rad by which damping may delay a deflection.
-DEFLECTIONS = (0.01, 0.1, 0.03, 0.002, 0.3)
-HELD_STEPS, FEW_STEPS, SETTLING_STEPS, BEST_PLACES = 4, 5, 20, 2
+# Where rows hold positions that springs give: deflections as shares of the motion to start from, steps after
+# which starts are compared, the first of them that hold springs and dampers and as many more that hold
+# dampers, most steps, and the last step's size in units of the residual's norm, or of the rows' where there
+# is no noise; the least cosine between steps that go one way, how far ratios of a series differ, and its
+# longest sum in units of its first; the largest angle in rad by which damping may delay a deflection.
+DEFLECTIONS = (0.3, 0.1, 0.03, 0.01, 0.002)
+SETTLING_STEPS = 5
+HELD_STEPS = 2
 MOST_STEPS = 20
 POINT_TOLERANCE = 1e-4
 WITHIN_NOISE = 0.1
@@ -172,16 +172,6 @@ ROUNDING = 1e-11
 # less than this share end it.
 AS_LIKELY, SHORTEST_STEP = 3.0, 0.05
 LONGEST_LAG = 0.5
-# The first weight of a step's changes, of columns of length one, where it leaves more without, and the
-# largest; what a step is to gain at least, a logarithm, and how near springs are at one place, a share of
-# their stiffness.
-FIRST_DAMPING, MOST_DAMPING, SETTLED, SAME_PLACE = 1e-3, 1e3, 0.1, 0.1
-# A spring whose deviation is more than this share of it is held at multiples, on and on until it is less
-# likely by so many deviations, or by the furthest factor; rounds of better places, steps to each.
-LITTLE_KNOWN, MULTIPLES, EXCLUDED, FURTHEST = 0.05, (0.5, 2.0), 4.0, 64.0
-BETTER_PLACES, STEPS_ELSEWHERE = 3, 6
-# Directions that rows of unit columns see by less than this share of the best seen one are not moved along.
-UNSEEN = 1e-10
 
 # The share of a record that every row of an arm is to keep where instruments leave turns out, at least. With
 # half of it and gaps intervals are a fifth too narrow in simulations, which is less harm than turns that stay

@@ -23,7 +23,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.model.arm_channels import Speed
 from modelgen.runtime.model.arm_kernel import ArmKernel, Read, Sum
 from modelgen.runtime.model.given_directions import Succession, Turning, given_directions
-from modelgen.runtime.numerics.lagging import FURTHER, lagged
+from modelgen.runtime.numerics.lagging import FURTHER, lagging, series
 
 # Central differences of entries, which hold cosines of positions and squares of speeds.
 STEPS = (1e-4, 1.0, 1.0)
@@ -196,8 +196,11 @@ class DeflectedKernel:
         right = values(left.rest)
         for column, rest in rests.items():
             right = [one - self.point[column] * other for one, other in zip(right, rest, strict=True)]
-        fs = succession.fs if succession else None
-        position = lagged([value / stiff for value in right], lag, fs)
+        right = [value / stiff for value in right]
+        position = series(right, lag)
+        if succession and lag:
+            exact = (lagging(right[order:], lag, succession.fs) for order in range(kept + 1))
+            position[: kept + 1] = exact
         for order in range(kept + 1):
             if (row.channel, order) in read:
                 position[order] = position[order] + read[row.channel, order]
@@ -207,8 +210,7 @@ class DeflectedKernel:
                 rest + part.position * position[order] + _later(part.speed, position, order)
                 for order, rest in enumerate(rests[column])
             ]
-            exact = fs if part.position or part.speed else None  # of what lags once more
-            slopes[column] = lagged([-one / stiff for one in acting], lag, exact)[: kept + 1]
+            slopes[column] = series([-one / stiff for one in acting], lag)[: kept + 1]
         return position[: kept + 1], slopes
 
     def spring(self, row: GivingRow) -> tuple[float, float]:

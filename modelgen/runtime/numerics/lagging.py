@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from math import ceil, exp
 
 import numpy as np
@@ -33,18 +32,6 @@ def series(values: Sequence[FloatArray], lag: float) -> list[FloatArray]:
             total = total + (-lag) ** more * values[order + more]
         found.append(total)
     return found
-
-
-def lagged(values: Sequence[FloatArray], lag: float, fs: float | None) -> list[FloatArray]:
-    """Return x and its derivatives, shape (N,) each, of v and its derivatives as far as they are known.
-
-    At samples that follow each other (`fs` in Hz) as `lagging` does, others (None) by their `series`. What is
-    not known of v beyond the last derivative bends it between two samples only.
-    """
-    if fs is None or not lag:
-        return series(values, lag)
-    known = [*values, *[np.zeros_like(values[-1])] * FURTHER]
-    return [lagging(known[order : order + FURTHER + 1], lag, fs) for order in range(len(values))]
 
 
 def lagging(values: Sequence[FloatArray], lag: float, fs: float) -> FloatArray:
@@ -78,7 +65,6 @@ def lagging(values: Sequence[FloatArray], lag: float, fs: float) -> FloatArray:
     return added
 
 
-@lru_cache(maxsize=64)
 def _weights(lag: float) -> FloatArray:
     """Return what v, v' and v'' before and behind a sampling period of 1 add to x, shape (3, 2)."""
     # Quintic polynomials with one of (p(0), p'(0), p''(0), p(1), p'(1), p''(1)) 1 and the others 0

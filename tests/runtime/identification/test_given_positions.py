@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import make_dataclass
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.identification import given_positions
 from modelgen.runtime.identification.elastic import steps_about
 from modelgen.runtime.identification.given_positions import Rest
@@ -84,7 +82,7 @@ def opened(monkeypatch: pytest.MonkeyPatch, noise: float, step: float) -> list[n
             columns=NAMES, triangle=triangle, count=1000, blocks=(block,), residual_norms=(left,)
         )
 
-    monkeypatch.setattr(steps_about, "_spring_percent", lambda *of: 1.0)
+    monkeypatch.setattr(steps_about, "_tells_springs", lambda *of: True)
     monkeypatch.setattr(steps_about, "fit_about", fit)
     monkeypatch.setattr(steps_about, "moved", lambda *at: at[-1] + step * (GOAL - at[-1]))
     return points
@@ -131,41 +129,3 @@ def test_noise_moves_the_estimate_by_the_sum_of_its_steps(monkeypatch: pytest.Mo
     np.testing.assert_allclose(noise + rest.drift(FIT, MODEL), wanted, atol=0.03 * np.abs(wanted).max())
     still = Rest(GOAL, np.array([1.0, 0.0, 0.0]), 0.0)
     assert not np.any(still.drift(FIT, MODEL))
-
-
-class Unseen(Kernel):
-    """One of motors that no sensor sees."""
-
-    speeds = ("motor",)
-    rows = (0,)
-
-
-@pytest.mark.parametrize(
-    ("percents", "taken"), [((30.0, 5.0), 1), ((30.0, 60.0), 0), ((200.0, 30.0), 1), ((200.0, 200.0), None)]
-)
-def test_springs_that_are_hardly_told_are_looked_for_at_higher_cutoffs(
-    monkeypatch: pytest.MonkeyPatch, percents: tuple[float, float], taken: int | None
-) -> None:
-    """Noise makes soft springs of stiff ones: one told to 30 % came to rest at a fifth of its stiffness."""
-    at, unseen, sure = given_positions, Unseen(), iter(percents)
-    model = make_dataclass("Model", ["kernel", "rows"])(unseen, ("row",))
-    job = make_dataclass("Job", ["late", "rows_for_tag", "model", "hz"])
-    tasks = [
-        make_dataclass("Task", ["model", "job", "records"])(model, job((), None, model, hz), ())
-        for hz in (4.0, 6.0)
-    ]
-    monkeypatch.setattr(at, "DeflectedKernel", Unseen)
-    monkeypatch.setattr(at, "leaves_turns_open", lambda model: False)
-    monkeypatch.setattr(at, "higher_cutoffs", lambda task, most: tasks[1:])
-    monkeypatch.setattr(at, "starting_springs", lambda *of: ())
-    monkeypatch.setattr(at, "settled", lambda *of: [GOAL])
-    monkeypatch.setattr(at, "_rested", lambda job, kernel, point: Rest(point, GOAL, 0.0))
-    monkeypatch.setattr(
-        at, "rest_with_forces_open", lambda job, kernel, points, anyway=False: GOAL if anyway else None
-    )
-    monkeypatch.setattr(at, "percent_with_forces_open", lambda job, kernel, point: next(sure))
-    if taken is None:
-        with pytest.raises(IdentifiabilityError, match="does not tell how far the springs deflect"):
-            at.about_the_estimate(tasks[0])
-    else:
-        assert at.about_the_estimate(tasks[0])[0].job.hz == tasks[taken].job.hz

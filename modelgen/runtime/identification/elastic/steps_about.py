@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -21,7 +21,6 @@ from modelgen.runtime.identification.thresholds import (
     MOST_STEPS,
     ROUNDING,
     SHORTEST_STEP,
-    UNSEEN,
     WITHIN_NOISE,
 )
 from modelgen.runtime.least_squares.fit import Fit
@@ -42,27 +41,21 @@ def rest_with_forces_open(
     begun = [(one, at) for at in points if (one := _opened(job, kernel, at)) is not None]
     for fit, point in sorted(begun, key=lambda one: left_by(one[0])):
         best, found, rests = _downhill(job, kernel, fit, point)
-        if anyway or (rests and _spring_percent(job, kernel.at(found, sampled=True), best) < LARGEST_PERCENT):
+        if anyway or (rests and _tells_springs(job, kernel.at(found, sampled=True), best)):
             return found
     return None
 
 
-def _spring_percent(job: Job, kernel: DeflectedKernel, fit: Fit) -> float:
-    """Return how uncertain the stiffness is that a fit knows least, less what noise does to it, in %."""
+def _tells_springs(job: Job, kernel: DeflectedKernel, fit: Fit) -> bool:
+    """Return whether a fit knows every stiffness that gives a position, less what noise does to it."""
     springs = {job.model.base_parameters[c] for row in kernel.giving for c in row.acting(0)}
     fit, _ = less_noise(replace(job.model, kernel=kernel), job.records, job.choice, fit)
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
     known = {
-        name: 100.0 * std / abs(value) if value else np.inf
+        name: std < 0.01 * LARGEST_PERCENT * abs(value)
         for name, std, value in zip(fit.columns, spread, fit.solution.x, strict=True)
     }
-    return float(max(known.get(name, np.inf) for name in springs))
-
-
-def percent_with_forces_open(job: Job, kernel: DeflectedKernel, point: FloatArray) -> float:
-    """Return how uncertain the stiffness is that is known least about a point, (columns,) in SI, in %."""
-    fit = _opened(job, kernel, point)
-    return np.inf if fit is None else _spring_percent(job, kernel.at(point, sampled=True), fit)
+    return all(known.get(name, False) for name in springs)
 
 
 def _downhill(job: Job, kernel: DeflectedKernel, fit: Fit, point: FloatArray) -> tuple[Fit, FloatArray, bool]:
@@ -106,15 +99,11 @@ def lags_little(job: Job, kernel: DeflectedKernel, point: FloatArray) -> bool:
     return kernel.at(point).lag * 2.0 * np.pi * motion_hz < LONGEST_LAG
 
 
-def left_by(fit: Fit, values: FloatArray | None = None) -> float:
-    """Return the logarithm of what rows leave where no force is open, the mean over all samples.
-
-    They leave it of the columns' `values`, (c,) in SI, instead of the solution's.
-    """
+def left_by(fit: Fit) -> float:
+    """Return the logarithm of what rows leave where no force is open, the mean over all samples."""
     counts = np.array([block.count for block in fit.blocks])
     used = np.array([max(block.count - block.opened, 1.0) for block in fit.blocks])
-    left = fit.residual_norms if values is None else [one.summary.residual_norm(values) for one in fit.blocks]
-    rms = np.array(left) / np.sqrt(used)
+    rms = np.array(fit.residual_norms) / np.sqrt(used)
     return float(np.sum(counts * np.log(np.maximum(rms, 1e-300))) / np.sum(counts))
 
 
@@ -124,46 +113,18 @@ def fit_about(job: Job, kernel: DeflectedKernel, point: FloatArray, sampled: boo
         return run_wls(replace(job, model=replace(job.model, kernel=kernel.at(point, sampled))))[1]
 
 
-def held_values(
-    fit: Fit, model: Model, point: FloatArray, held: Collection[int] = (), damping: FloatArray | float = 0.0
-) -> FloatArray:
-    """Return what the rows say where some base parameters stay at the point, (c,) in SI.
-
-    Rows are linear about the point, not about zero: to leave columns out would take what is held to zero, and
-    so does a solution with what rows do not show, as two inertias in front of and behind a rigid spring. Here
-    the change is the smallest one. `damping` is the weight of changes, of unit columns.
-    """
-    columns, width = columns_of(fit, model), len(fit.columns)
-    values = point[columns].copy()
-    free = [place for place, column in enumerate(columns) if column not in held]
-    left = fit.triangle[:, width] - fit.triangle[:, :width] @ values
-    scale = np.linalg.norm(fit.triangle[:, free], axis=0)
-    scale[scale == 0.0] = 1.0
-    rows = fit.triangle[:, free] / scale
-    if np.any(damping):
-        weight = np.sqrt(np.broadcast_to(damping, width)[free])
-        rows, left = np.vstack([rows, np.diag(weight)]), np.concatenate([left, np.zeros(len(free))])
-    values[free] += np.linalg.lstsq(rows, left, rcond=UNSEEN)[0] / scale
-    return values
-
-
-def moved(
-    model: Model,
-    kernel: DeflectedKernel,
-    fit: Fit,
-    point: FloatArray,
-    held: Collection[int] = (),
-    damping: float = 0.0,
-) -> FloatArray:
-    """Return the estimate, (columns,) in SI, some base parameters held; what rows do not show stays too.
+def moved(model: Model, kernel: DeflectedKernel, fit: Fit, point: FloatArray) -> FloatArray:
+    """Return the estimate, (columns,) in SI; what the rows do not show stays where it was.
 
     Deflections are linear in compliances: a spring that is to be softer moves in 1 / K, to first order the
-    same step, which never leads below zero. `damping` weighs changes of what positions depend on.
+    same step, which never leads below zero.
     """
-    found, columns = point.copy(), columns_of(fit, model)
+    found = point.copy()
     springs = {column for row in kernel.giving for column in row.acting(0)}
-    damped = damping * np.isin(columns, kernel.columns).astype(np.float64)
-    for column, value in zip(columns, held_values(fit, model, point, held, damped), strict=True):
+    for name, value, lost in zip(fit.columns, fit.solution.x, fit.solution.undetermined, strict=True):
+        column = model.base_parameters.index(name)
+        if lost:
+            continue
         if column in springs and value < point[column]:
             found[column] = point[column] / (2.0 - value / point[column])
         else:
