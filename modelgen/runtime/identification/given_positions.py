@@ -7,6 +7,7 @@ values those are tried, and deflections of so many parts of the motion.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -16,6 +17,8 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.identification.choose_cutoff import higher_cutoffs
+from modelgen.runtime.identification.elastic.other_springs import other_springs
+from modelgen.runtime.identification.elastic.settling import settled, settled_with
 from modelgen.runtime.identification.elastic.starting_springs import springs_pull, starting_springs
 from modelgen.runtime.identification.elastic.steps_about import (
     columns_of,
@@ -30,9 +33,11 @@ from modelgen.runtime.identification.elastic.steps_about import (
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
+    BETTER_PLACES,
     CUTOFFS_WITHOUT_ESTIMATE,
     HELD_STEPS,
     LONGEST_SERIES,
+    MORE_STEPS,
     MOST_STEPS,
     ONE_WAY,
     POINT_TOLERANCE,
@@ -53,12 +58,14 @@ from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open
 class Rest:
     """Where steps came to rest: a point, and by which ratio they shrank along a direction.
 
-    The ratio is 0 where they did not shrink slowly; `point` and `along`, in SI, are (base parameters,).
+    The ratio is 0 where they did not shrink slowly; `point` and `along`, in SI, are (base parameters,), and
+    so is each of `beyond`, by what the point is uncertain as springs elsewhere are as likely.
     """
 
     point: FloatArray
     along: FloatArray
     ratio: float
+    beyond: tuple[FloatArray, ...] = ()
 
     def drift(self, fit: Fit, model: Model) -> FloatArray:
         """Return what noise moves the estimate by through the point, as a mean square in SI, (c, c).
@@ -66,13 +73,15 @@ class Rest:
         A fit holds the point as it is. As that moves with the estimate by `ratio` along the direction, what
         noise moves a step by is 1 / (1 - ratio) times as much when steps have come to rest.
         """
-        ratio, along = self.ratio, self.along[columns_of(fit, model)]
+        columns = columns_of(fit, model)
+        ratio, along = self.ratio, self.along[columns]
+        others = sum((np.outer(one[columns], one[columns]) for one in self.beyond), np.zeros(2 * along.shape))
         pull = fit.triangle[: len(along), : len(along)].T @ weighted(fit, self.along, model)
         length = float(along @ pull)
         if not ratio or not length:
-            return np.zeros((len(along), len(along)))
+            return others
         share = float(pull @ hac_covariance(fit) @ pull) / length**2
-        return ((1.0 - ratio) ** -2 - 1.0) * share * np.outer(along, along)
+        return others + ((1.0 - ratio) ** -2 - 1.0) * share * np.outer(along, along)
 
 
 def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
@@ -124,23 +133,33 @@ def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
 def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
     """Return the task about its estimate, and where that rests; None where no start leads there."""
     job = replace(task.job, late=(), rows_for_tag=None)
-    settled: list[tuple[float, int, FloatArray]] = []
-    for start in starting_springs(task.model, kernel, task.records):
-        point, left = _stepped(job, kernel, start, SETTLING_STEPS)
-        if point is not None:
-            settled.append((left, len(settled), point))
-    points = [point for _, _, point in sorted(settled, key=lambda one: one[:2])]
+    starts = starting_springs(task.model, kernel, task.records)
+    points = (settled if kernel.motors_alone else _stepped_from)(job, kernel, starts)
     opened = rest_with_forces_open(job, kernel, points) if kernel.speeds else None
     found = None if opened is None else Rest(opened, np.zeros(len(opened)), 0.0)
     for point in points:
         found = found or _rested(job, kernel, point)
     if found is None:
         return None
+    if kernel.motors_alone:
+        found = _among_others(job, kernel, found)
     if kernel.speeds and opened is None:
         opened = rest_with_forces_open(job, kernel, (found.point,), anyway=True)
         found = found if opened is None else replace(found, point=opened)
     model = replace(task.model, kernel=kernel.at(found.point, sampled=True))
     return replace(task, model=model, job=replace(task.job, model=model)), found
+
+
+def _among_others(job: Job, kernel: DeflectedKernel, found: Rest) -> Rest:
+    """Return a place of rest, or a more likely one that springs held elsewhere lead to; how sure it is."""
+    for _ in range(BETTER_PLACES):
+        better, beyond = other_springs(job, kernel, found.point)
+        place = None if better is None else settled_with(job, kernel, better, (), MORE_STEPS)
+        rest = None if place is None else _rested(job, kernel, place.point)
+        if rest is None:
+            break
+        found = rest
+    return replace(found, beyond=beyond)
 
 
 def rows_without(model: Model, kernel: DeflectedKernel) -> Model:
@@ -204,6 +223,12 @@ def _slow_ratio(fit: Fit, model: Model, steps: tuple[FloatArray, FloatArray, Flo
         return 0.0
     ratio = 1.0 + float(along @ bent) / length
     return ratio if 0.5 < ratio < 1.0 else 0.0
+
+
+def _stepped_from(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray]) -> list[FloatArray]:
+    """Return where a few steps lead from starts, base parameters in SI, what leaves least first."""
+    ends = [_stepped(job, kernel, start, SETTLING_STEPS) for start in starts]
+    return [point for point, _ in sorted(ends, key=lambda one: one[1]) if point is not None]
 
 
 def _stepped(

@@ -168,6 +168,21 @@ POINT_TOLERANCE = 1e-4
 WITHIN_NOISE = 0.1
 ONE_WAY, SAME_RATIO, LONGEST_SERIES = 0.95, 0.05, 10.0
 ROUNDING = 1e-11
+# Of motors alone: deflections to start from, those first that mostly lead somewhere, far from each other: two
+# that agree end it; steps that hold springs and dampers, and as many that hold dampers, steps after which
+# starts are compared, and more from so many of the best.
+LIKELY_DEFLECTIONS = (0.01, 0.1, 0.03, 0.002, 0.3)
+STEPS_HELD, FEW_STEPS, MORE_STEPS, BEST_PLACES = 4, 5, 20, 2
+# The first weight of a step's changes, of columns of length one, where it leaves more without, and the
+# largest; what a step is to gain at least, a logarithm, and how near springs are at one place, a share of
+# their stiffness.
+FIRST_DAMPING, MOST_DAMPING, SETTLED, SAME_PLACE = 1e-3, 1e3, 0.1, 0.1
+# A spring whose deviation is more than this share of it is held at multiples, on and on until it is less
+# likely by so many deviations, or by the furthest factor; rounds of better places, steps to each.
+LITTLE_KNOWN, MULTIPLES, EXCLUDED, FURTHEST = 0.05, (0.5, 2.0), 4.0, 64.0
+BETTER_PLACES, STEPS_ELSEWHERE = 3, 6
+# Directions that rows of unit columns see by less than this share of the best seen one are not moved along.
+UNSEEN = 1e-10
 # Where forces are open a step is halved if rows are then less likely by more than this, a logarithm; steps of
 # less than this share end it.
 AS_LIKELY, SHORTEST_STEP = 3.0, 0.05

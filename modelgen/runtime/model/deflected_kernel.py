@@ -23,7 +23,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.model.arm_channels import Speed
 from modelgen.runtime.model.arm_kernel import ArmKernel, Read, Sum
 from modelgen.runtime.model.given_directions import Succession, Turning, given_directions
-from modelgen.runtime.numerics.lagging import FURTHER, lagging, series
+from modelgen.runtime.numerics.lagging import FURTHER, lagged
 
 # Central differences of entries, which hold cosines of positions and squares of speeds.
 STEPS = (1e-4, 1.0, 1.0)
@@ -77,6 +77,8 @@ class DeflectedKernel:
         Rows that hold given positions.
     point : array, shape (columns,)
         Base parameters that the rows are linear about.
+    motors_alone : bool
+        Whether no sensor sees a link or a spring.
     sampled : bool
         Whether directions of given speeds are those at the samples (`given_directions`).
     """
@@ -90,6 +92,7 @@ class DeflectedKernel:
     speeds: tuple[Speed, ...]
     rows: tuple[int, ...]
     point: FloatArray
+    motors_alone: bool
     sampled: bool = False
 
     def at(self, point: FloatArray, sampled: bool = False) -> DeflectedKernel:
@@ -140,8 +143,7 @@ class DeflectedKernel:
         Where samples are no `succession`, what the damping of springs delays is a series, to second order;
         what `read` holds of a given position is added to it (`beyond_series`).
         """
-        count = len(next(iter(read.values())))
-        given: dict[str, FloatArray] = {}
+        count, given = len(next(iter(read.values()))), dict[str, FloatArray]()
         moves: dict[int, list[tuple[str, FloatArray]]] = {}
         for row in self.giving:
             position, slopes = self._given(row, read, count, succession)
@@ -193,14 +195,11 @@ class DeflectedKernel:
             return [self._sum(terms, order, read, count) for order in range(highest + 1)]
 
         rests = {column: values(part.rest) for column, part in columns.items()}
-        right = values(left.rest)
+        right, fs = values(left.rest), succession.fs if succession else None
         for column, rest in rests.items():
             right = [one - self.point[column] * other for one, other in zip(right, rest, strict=True)]
-        right = [value / stiff for value in right]
-        position = series(right, lag)
-        if succession and lag:
-            exact = (lagging(right[order:], lag, succession.fs) for order in range(kept + 1))
-            position[: kept + 1] = exact
+        exact = len(right) if self.motors_alone else kept + 1
+        position = lagged([value / stiff for value in right], lag, fs, exact)
         for order in range(kept + 1):
             if (row.channel, order) in read:
                 position[order] = position[order] + read[row.channel, order]
@@ -210,7 +209,8 @@ class DeflectedKernel:
                 rest + part.position * position[order] + _later(part.speed, position, order)
                 for order, rest in enumerate(rests[column])
             ]
-            slopes[column] = series([-one / stiff for one in acting], lag)[: kept + 1]
+            again = fs if self.motors_alone and (part.position or part.speed) else None
+            slopes[column] = lagged([-one / stiff for one in acting], lag, again, exact)[: kept + 1]
         return position[: kept + 1], slopes
 
     def spring(self, row: GivingRow) -> tuple[float, float]:

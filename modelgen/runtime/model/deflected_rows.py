@@ -89,6 +89,7 @@ def deflected_rows(
         channels.given,
         touched,
         np.zeros(len(module.BASE_PARAMETERS)),
+        all(one["side"] == "motor" or {*one["channels"]} <= {*module.ESTIMATED} for one in module.SENSORS),
     )
     for row in touched:
         for column in made.columns:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from math import ceil, exp
 
 import numpy as np
@@ -31,6 +32,20 @@ def series(values: Sequence[FloatArray], lag: float) -> list[FloatArray]:
         for more in range(1, len(values) - order) if lag else ():
             total = total + (-lag) ** more * values[order + more]
         found.append(total)
+    return found
+
+
+def lagged(values: Sequence[FloatArray], lag: float, fs: float | None, exact: int) -> list[FloatArray]:
+    """Return x and its derivatives, shape (N,) each, of v and its derivatives as far as they are known.
+
+    At samples that follow each other (`fs` in Hz) the first `exact` of them are as `lagging` says, others by
+    their `series`. What is not known of v beyond the last derivative bends it between two samples only.
+    """
+    found = series(values, lag)
+    if fs is None or not lag:
+        return found
+    known = [*values, *[np.zeros_like(values[-1])] * FURTHER]
+    found[:exact] = (lagging(known[order : order + FURTHER + 1], lag, fs) for order in range(exact))
     return found
 
 
@@ -65,6 +80,7 @@ def lagging(values: Sequence[FloatArray], lag: float, fs: float) -> FloatArray:
     return added
 
 
+@lru_cache(maxsize=64)
 def _weights(lag: float) -> FloatArray:
     """Return what v, v' and v'' before and behind a sampling period of 1 add to x, shape (3, 2)."""
     # Quintic polynomials with one of (p(0), p'(0), p''(0), p(1), p'(1), p''(1)) 1 and the others 0

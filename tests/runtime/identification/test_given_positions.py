@@ -27,6 +27,7 @@ class Kernel:
     giving = ()
     lag = 0.0
     speeds: tuple[str, ...] = ()
+    motors_alone = False
 
     def at(self, _: np.ndarray, sampled: bool = False) -> Kernel:
         return self

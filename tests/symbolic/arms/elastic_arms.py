@@ -69,11 +69,13 @@ def values_of(spec: ArmSpec, rng: np.random.Generator) -> dict[str, float]:
     return {**values, **spec.known}
 
 
-def smooth_motion(names: list[str], times: FloatArray, rng: np.random.Generator, orders: int = 6) -> Motion:
+def smooth_motion(
+    names: list[str], times: FloatArray, rng: np.random.Generator, orders: int = 6, tempo: float = 1.0
+) -> Motion:
     """Return sums of sines and their derivatives."""
     motion: Motion = {}
     for name in names:
-        parts = [(rng.uniform(0.2, 0.5), 2 * np.pi * f, rng.uniform(0, 6)) for f in (0.31, 0.83, 1.7)]
+        parts = [(rng.uniform(0.2, 0.5), 2 * np.pi * f * tempo, rng.uniform(0, 6)) for f in (0.31, 0.83, 1.7)]
         for order in range(orders + 1):
             motion[name, order] = sum(
                 a * w**order * np.sin(w * times + p + order * np.pi / 2) for a, w, p in parts
@@ -82,7 +84,7 @@ def smooth_motion(names: list[str], times: FloatArray, rng: np.random.Generator,
 
 
 def exact_record(
-    spec: ArmSpec, values: dict[str, float], times: FloatArray, rng: np.random.Generator
+    spec: ArmSpec, values: dict[str, float], times: FloatArray, rng: np.random.Generator, tempo: float = 1.0
 ) -> tuple[Motion, dict[str, FloatArray]]:
     """Return the motion of all coordinates, torques of joints and forces of motors, by "torque 1", "force 1".
 
@@ -90,7 +92,7 @@ def exact_record(
     """
     graph, names = Graph(), [joint.name for joint in spec.moving]
     parts = row_parts(graph, spec, False)
-    motion = smooth_motion(names, times, rng)
+    motion = smooth_motion(names, times, rng, tempo=tempo)
     loads: dict[str, list[FloatArray]] = {}
     for joint in spec.moving:
         refs = list(parts.links[joint.name].values())

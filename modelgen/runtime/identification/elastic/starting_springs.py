@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.identification.thresholds import DEFLECTIONS
+from modelgen.runtime.identification.thresholds import DEFLECTIONS, LIKELY_DEFLECTIONS
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -25,14 +25,14 @@ def starting_springs(
 ) -> Iterator[FloatArray]:
     """Yield base parameters to start from, (columns,) in SI: those of parameter sets, and springs alone.
 
-    Springs are such that they deflect by so many parts of the motion (`DEFLECTIONS`).
+    Springs are such that they deflect by so many parts of the motion (`DEFLECTIONS`, `LIKELY_DEFLECTIONS`).
     """
     for values in model.parameter_sets.values():
         if all(name in values for name in model.parameters):
             point = model.base_from_physical({name: values[name] for name in model.parameters})
             if springs_pull(kernel, point):
                 yield point
-    for share in DEFLECTIONS:
+    for share in LIKELY_DEFLECTIONS if kernel.motors_alone else DEFLECTIONS:
         point = np.zeros(len(model.base_parameters))
         for row in kernel.giving:
             force, motion = (max(_span(kernel, terms, one) for one in records) for terms in row.size)

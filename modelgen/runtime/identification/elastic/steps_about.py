@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.diagnostics.noise_bias import less_noise
 from modelgen.runtime.identification.elastic.starting_springs import springs_pull
@@ -21,6 +21,7 @@ from modelgen.runtime.identification.thresholds import (
     MOST_STEPS,
     ROUNDING,
     SHORTEST_STEP,
+    UNSEEN,
     WITHIN_NOISE,
 )
 from modelgen.runtime.least_squares.fit import Fit
@@ -99,11 +100,15 @@ def lags_little(job: Job, kernel: DeflectedKernel, point: FloatArray) -> bool:
     return kernel.at(point).lag * 2.0 * np.pi * motion_hz < LONGEST_LAG
 
 
-def left_by(fit: Fit) -> float:
-    """Return the logarithm of what rows leave where no force is open, the mean over all samples."""
+def left_by(fit: Fit, values: FloatArray | None = None) -> float:
+    """Return the logarithm of what rows leave where no force is open, the mean over all samples.
+
+    They leave it of the columns' `values`, (c,) in SI, instead of the solution's.
+    """
     counts = np.array([block.count for block in fit.blocks])
     used = np.array([max(block.count - block.opened, 1.0) for block in fit.blocks])
-    rms = np.array(fit.residual_norms) / np.sqrt(used)
+    left = fit.residual_norms if values is None else [one.summary.residual_norm(values) for one in fit.blocks]
+    rms = np.array(left) / np.sqrt(used)
     return float(np.sum(counts * np.log(np.maximum(rms, 1e-300))) / np.sum(counts))
 
 
@@ -119,17 +124,63 @@ def moved(model: Model, kernel: DeflectedKernel, fit: Fit, point: FloatArray) ->
     Deflections are linear in compliances: a spring that is to be softer moves in 1 / K, to first order the
     same step, which never leads below zero.
     """
+    if kernel.motors_alone:
+        return moved_least(model, kernel, fit, point)
+    seen = ~np.asarray(fit.solution.undetermined)
+    columns = np.array(columns_of(fit, model))[seen]
+    return _towards(kernel, point, columns, fit.solution.x[seen])
+
+
+def moved_least(
+    model: Model,
+    kernel: DeflectedKernel,
+    fit: Fit,
+    point: FloatArray,
+    held: Collection[int] = (),
+    damping: float = 0.0,
+) -> FloatArray:
+    """Return the estimate of the least change, (columns,) in SI, some base parameters held.
+
+    `damping` weighs changes of what positions depend on.
+    """
+    columns = np.array(columns_of(fit, model))
+    damped = damping * np.isin(columns, kernel.columns).astype(np.float64)
+    return _towards(kernel, point, columns, held_values(fit, model, point, held, damped))
+
+
+def _towards(kernel: DeflectedKernel, point: FloatArray, columns: IntArray, values: FloatArray) -> FloatArray:
+    """Return the point, (columns,) in SI, with values in some columns, springs softened in 1 / K."""
     found = point.copy()
     springs = {column for row in kernel.giving for column in row.acting(0)}
-    for name, value, lost in zip(fit.columns, fit.solution.x, fit.solution.undetermined, strict=True):
-        column = model.base_parameters.index(name)
-        if lost:
-            continue
+    for column, value in zip(columns, values, strict=True):
         if column in springs and value < point[column]:
             found[column] = point[column] / (2.0 - value / point[column])
         else:
             found[column] = value
     return found
+
+
+def held_values(
+    fit: Fit, model: Model, point: FloatArray, held: Collection[int] = (), damping: FloatArray | float = 0.0
+) -> FloatArray:
+    """Return what the rows say where some base parameters stay at the point, (c,) in SI.
+
+    Rows are linear about the point, not about zero: to leave columns out would take what is held to zero, and
+    so does a solution with what rows do not show, as two inertias in front of and behind a rigid spring. Here
+    the change is the smallest one. `damping` is the weight of changes, of unit columns.
+    """
+    columns, width = columns_of(fit, model), len(fit.columns)
+    values = point[columns].copy()
+    free = [place for place, column in enumerate(columns) if column not in held]
+    left = fit.triangle[:, width] - fit.triangle[:, :width] @ values
+    scale = np.linalg.norm(fit.triangle[:, free], axis=0)
+    scale[scale == 0.0] = 1.0
+    rows = fit.triangle[:, free] / scale
+    if np.any(damping):
+        weight = np.sqrt(np.broadcast_to(damping, width)[free])
+        rows, left = np.vstack([rows, np.diag(weight)]), np.concatenate([left, np.zeros(len(free))])
+    values[free] += np.linalg.lstsq(rows, left, rcond=UNSEEN)[0] / scale
+    return values
 
 
 def columns_of(fit: Fit, model: Model) -> list[int]:

@@ -1,0 +1,122 @@
+"""From springs that motors alone see to where rows leave least: steps of Levenberg and Marquardt.
+
+Gauss and Newton's steps are right near an estimate. Far from it rows bend: a step that is to leave less
+leaves more, and springs run to where they are rigid. So what rows leave is computed at every point, and steps
+of what positions depend on are shortened until it falls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.identification.elastic.starting_springs import springs_pull
+from modelgen.runtime.identification.elastic.steps_about import (
+    columns_of,
+    fit_about,
+    held_values,
+    lags_little,
+    left_by,
+    moved_least,
+)
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.thresholds import (
+    BEST_PLACES,
+    FEW_STEPS,
+    FIRST_DAMPING,
+    MORE_STEPS,
+    MOST_DAMPING,
+    SAME_PLACE,
+    SETTLED,
+    STEPS_HELD,
+)
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
+
+
+class Settled(NamedTuple):
+    """Base parameters, shape (columns,), in SI, and what rows leave there, see `left_by`."""
+
+    point: FloatArray
+    left: float
+
+
+def settled(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray]) -> list[FloatArray]:
+    """Return where rows leave least from any of these starts on, what leaves least first.
+
+    A few steps from each, until two come to the best place, and more from the best that are not the same; at
+    first springs and dampers are held, then dampers: what acts less is to follow what acts more. Points are
+    base parameters, shape (columns,), in SI.
+    """
+    springs, dampers = ({column for row in kernel.giving for column in row.acting(o)} for o in (0, 1))
+    places: list[Settled] = []
+    for start in starts:
+        place: Settled | None = Settled(start, np.inf)
+        for held in (springs | dampers, dampers, set[int]())[:: 1 if dampers else 2]:
+            place = place and settled_with(job, kernel, place.point, held, STEPS_HELD if held else FEW_STEPS)
+        places = sorted([*places, *([] if place is None else [place])], key=lambda one: one.left)
+        if len(places) > 1 and _same_springs(kernel, *places[:2]):
+            break
+    best: list[Settled] = []
+    for place in places:
+        if len(best) < BEST_PLACES and not any(_same_springs(kernel, place, one) for one in best):
+            best.append(settled_with(job, kernel, place.point, (), MORE_STEPS) or place)
+    return [place.point for place in sorted(best, key=lambda one: one.left)]
+
+
+def settled_with(
+    job: Job,
+    kernel: DeflectedKernel,
+    point: FloatArray,
+    held: Collection[int],
+    steps: int,
+) -> Settled | None:
+    """Return where rows leave least after so many steps, some columns `held`; None where nothing holds.
+
+    `point` are base parameters, shape (columns,), in SI.
+    """
+    fit = _tried(job, kernel, point)
+    if fit is None:
+        return None
+    damping, left = (
+        0.0,
+        np.inf if not np.any(point[columns_of(fit, job.model)]) else _left_at(job, fit, point),
+    )
+    for _ in range(steps):
+        if fit.count * (left - left_by(fit, held_values(fit, job.model, point, held))) < SETTLED:
+            break
+        ahead = moved_least(job.model, kernel, fit, point, held, damping)
+        tried = _tried(job, kernel, ahead)
+        there = np.inf if tried is None else _left_at(job, tried, ahead)
+        if tried is not None and there < left:
+            point, fit, left, damping = ahead, tried, there, 0.1 * damping
+        elif damping > MOST_DAMPING:
+            break
+        else:
+            damping = 10.0 * max(damping, 0.1 * FIRST_DAMPING)
+    return Settled(point, left)
+
+
+def _tried(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Fit | None:
+    """Return the fit of rows about a point; None where it is none of an arm."""
+    if not springs_pull(kernel, point) or not lags_little(job, kernel, point):
+        return None
+    try:
+        return fit_about(job, kernel, point)
+    except IdentifiabilityError:
+        return None
+
+
+def _left_at(job: Job, fit: Fit, point: FloatArray) -> float:
+    """Return what rows about a point leave there, not where they end."""
+    return left_by(fit, point[columns_of(fit, job.model)])
+
+
+def _same_springs(kernel: DeflectedKernel, one: Settled, other: Settled) -> bool:
+    """Return whether two places have nearly the same springs."""
+    columns = [column for row in kernel.giving for column in row.acting(0)]
+    return bool(np.all(np.abs(np.log(one.point[columns] / other.point[columns])) < SAME_PLACE))
