@@ -8,19 +8,16 @@ mean of their products over these samples.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from itertools import product
 
 import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
-from modelgen.runtime.diagnostics.thresholds import (
-    SLOPE_SAMPLES,
-    SLOPE_STEP,
-    SLOPE_STRETCHES,
-)
+from modelgen.runtime.diagnostics.noisy_lines import NoisyLines
+from modelgen.runtime.diagnostics.thresholds import SLOPE_SAMPLES, SLOPE_STRETCHES
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import NoiseBand
 from modelgen.runtime.model.arm_kernel import Kernel, Read
@@ -28,7 +25,7 @@ from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model, Signal, Terms
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.filter_sections import matched_filtering
-from modelgen.runtime.rows.kernel_lines import formed, inner_orders, inner_reach, with_inner
+from modelgen.runtime.rows.kernel_lines import inner_orders, inner_reach, with_inner
 from modelgen.runtime.rows.noise_in_front import noise_in_front
 from modelgen.runtime.rows.record_rows import RecordRows, unmasked_rows
 from modelgen.runtime.rows.signal_plan import signal_plan
@@ -102,7 +99,7 @@ def _found(model: Model, record: Record, choice: FilterChoice, factor: int) -> t
         at = _stretches(model, record, choice, factor)
         values = _values(model, kernel, record, choice, factor, at)
         samples, orders = SLOPE_STRETCHES * SLOPE_SAMPLES, dict(kernel.orders)
-        lines = _Lines(kernel, values, {signal.channel for signal in _readings(model)})
+        lines = NoisyLines(kernel, values, {signal.channel for signal in _readings(model)})
         of_lines, means = lines.slopes(), lines.means(partial(noise_in_front, kernel, record, choice))
     plain = {one.key: {(one.channel, one.derivative): np.ones(1)} for one in _readings(model)}
     found = []
@@ -164,121 +161,3 @@ def _values(
         for place, value in with_inner(kernel, read, stencil, record.fs).items():
             found.setdefault(place, []).append(value[:: factor // step])
     return {place: np.concatenate(parts) for place, parts in found.items()}
-
-
-@dataclass(frozen=True, eq=False)
-class _Lines:
-    """The lines of a kernel at values of what makes them, shape (samples,) each, and what is noisy of it."""
-
-    kernel: Kernel | DeflectedKernel
-    values: Mapping[Read, FloatArray]
-    noisy: Set[str]
-
-    def formed(self, values: Mapping[Read, FloatArray]) -> Mapping[str, FloatArray]:
-        """Return the lines, about a point with directions as those of samples."""
-        kernel = self.kernel
-        return formed(
-            kernel.at(kernel.point, sampled=True) if isinstance(kernel, DeflectedKernel) else kernel, values
-        )
-
-    @cached_property
-    def keys(self) -> tuple[str, ...]:
-        """The lines without directions of what is given: these jump, and as measured ones have no noise."""
-        if not isinstance(self.kernel, DeflectedKernel):
-            return tuple(self.kernel.keys)
-        sums, speeds = self.kernel.sums, self.kernel.speeds
-        directions = {f"{way} {one.name}" for one in speeds for way in ("sign", "forward", "backward")}
-        return tuple(
-            key for key in self.kernel.keys if not directions.intersection(k for _, k in sums.get(key, ()))
-        )
-
-    @cached_property
-    def below(self) -> dict[str, dict[Read, FloatArray]]:
-        """Slopes of lines that others are made of."""
-        if not isinstance(self.kernel, DeflectedKernel) or not self.kernel.inner.keys:
-            return {}
-        inner = self.kernel.inner
-        reads = {place: self.values[place] for place in inner.reads_of.values()}
-        return _slopes(partial(formed, inner), inner.keys, reads, self.noisy)
-
-    def slopes(self) -> dict[str, dict[Read, FloatArray]]:
-        """Return d line / d reading at the samples, by line and reading; without those that are zero.
-
-        A line that others are made of takes its noise there, differentiated as often as the line is.
-        """
-        found = _slopes(self.formed, self.keys, self.values, self.noisy | self.below.keys())
-        for ways in found.values():
-            for key, more in [place for place in ways if place[0] in self.below]:
-                along = ways.pop((key, more))
-                for (channel, order), slope in self.below[key].items():
-                    ways[channel, order + more] = ways.get((channel, order + more), 0.0) + along * slope
-        return found
-
-    def means(
-        self, shared: Callable[[str, Sequence[int]], tuple[Sequence[Read], FloatArray]]
-    ) -> dict[str, FloatArray]:
-        """Return what noise adds to lines on average, shape (samples,) each, to second order.
-
-        Along each principal axis of the derivatives of a channel's noise it is what deviations to both sides
-        add (Julier and Uhlmann 2004). `shared` gives the covariance of such derivatives,
-        and which positions that lag stand behind them.
-        """
-        here = self.formed(self.values)
-        found = {key: np.zeros_like(here[key]) for key in self.keys}
-        for channel in sorted(self.noisy):
-            moves = self._moves(channel)
-            orders = sorted({order for ways in moves.values() for order in ways})
-            if not orders:
-                continue
-            late, covariance = shared(channel, orders)
-            size = np.sqrt(np.diag(covariance))
-            if not size.all():
-                continue
-            sizes, axes = np.linalg.eigh(covariance / np.outer(size, size))
-            for axis in (axes * np.sqrt(np.maximum(sizes, 0.0))).T:
-                step = dict(zip([*orders, *late], size * axis, strict=True))
-                moved = {
-                    read: sum(slope * step[order] for order, slope in ways.items())
-                    for read, ways in moves.items()
-                }
-                moved |= {read: np.array(step[read]) for read in late}
-                both = [
-                    self.formed(
-                        {**self.values, **{r: self.values.get(r, 0.0) + s * m for r, m in moved.items()}}
-                    )
-                    for s in (1.0, -1.0)
-                ]
-                for key in found:
-                    found[key] += 0.5 * (both[0][key] + both[1][key]) - here[key]
-        return found
-
-    def _moves(self, channel: str) -> dict[Read, dict[int, FloatArray]]:
-        """Return what changes with the noise of a channel, by its derivatives: their slopes."""
-        found: dict[Read, dict[int, FloatArray]] = {}
-        for source, order in self.values:
-            if source == channel:
-                found[source, order] = {order: np.ones(1)}
-            for (one, own), slope in self.below.get(source, {}).items():
-                if one == channel:
-                    found.setdefault((source, order), {})[own + order] = slope
-        return found
-
-
-def _slopes(
-    lines: Callable[[Mapping[Read, FloatArray]], Mapping[str, FloatArray]],
-    keys: Sequence[str],
-    values: Mapping[Read, FloatArray],
-    noisy: Set[str],
-) -> dict[str, dict[Read, FloatArray]]:
-    """Return d line / d value at the samples, by line and what is noisy of the values."""
-    found: dict[str, dict[Read, FloatArray]] = {key: {} for key in keys}
-    for read, value in values.items():
-        if read[0] not in noisy:
-            continue
-        step = SLOPE_STEP * (float(np.sqrt(np.mean(value**2))) or 1.0)
-        above, below = (lines({**values, read: value + sign * step}) for sign in (1.0, -1.0))
-        for key in keys:
-            slope = (above[key] - below[key]) / (2.0 * step)
-            if slope.any():
-                found[key][read] = slope
-    return found

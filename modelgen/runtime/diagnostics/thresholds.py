@@ -168,9 +168,11 @@ DEVIATIONS = 3.0
 FEW_SENSORS = 10
 
 # Slopes of nonlinear columns are taken at so many samples of so many stretches of a record; the step is a
-# share of the signal's rms: small against its motion, large against rounding.
+# share of the signal's rms: small against its motion, large against rounding. So many samples are computed at
+# once: arrays that stay in a cache.
 SLOPE_STRETCHES, SLOPE_SAMPLES = 16, 24
 SLOPE_STEP = 1e-4
+CHANGED_TOGETHER = 8192
 
 # An inertia is tested against so many slow cosines over the records; it counts as changing from this level,
 # this share of the residual's power and this share of its value on.
