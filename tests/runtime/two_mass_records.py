@@ -112,3 +112,14 @@ def assert_truth_inside(estimate: Estimate, truth: Mapping[str, float], model: M
     assert set(estimate.params) == set(model.parameters)
     for name, value in truth.items():
         assert abs(estimate.params[name] - value) < 3.0 * estimate.bse[name], name
+
+
+def curved(records: list[Record], key: str, name: str, share: float) -> list[Record]:
+    """Return the records with a force read that is more than acts, by a constant or by its cube."""
+    found = []
+    for record in records:
+        acting = record.signals[key]
+        peak = float(np.max(np.abs(acting)))
+        more = TRUTH["F_sm"] * np.sign(acting) if name == "dead zone" else acting * (acting / peak) ** 2
+        found.append(record.edited({key: acting + share * more}))
+    return found

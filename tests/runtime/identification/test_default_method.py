@@ -8,23 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification import default_method
 from modelgen.runtime.identification.contradiction import contradiction
-from modelgen.runtime.identification.explanation import least_squares_instead
-from modelgen.runtime.identification.explanation.drive_noise import DriveBias
 from modelgen.runtime.identification.explanation.explained import Begun
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, Auto, Method
 from modelgen.runtime.identification.options import CheckOptions
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.wls import fit_matched
-from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.arms.simulate_arm import simulate_arm
@@ -41,6 +34,7 @@ from tests.runtime.two_mass_records import (
     SMALL,
     TRUTH,
     assert_truth_inside,
+    curved,
     plain_estimate,
     two_mass_records,
 )
@@ -132,17 +126,6 @@ def test_a_drive_that_saturates_is_named_and_does_not_spoil_the_inertia(share: f
     assert abs(estimate.params["J_m"] / TRUTH["J_m"] - 1.0) < 0.01
 
 
-def curved(records: list[Record], key: str, name: str, share: float) -> list[Record]:
-    """Return the records with a force read that is more than acts, by a constant or by its cube."""
-    found = []
-    for record in records:
-        acting = record.signals[key]
-        peak = float(np.max(np.abs(acting)))
-        more = TRUTH["F_sm"] * np.sign(acting) if name == "dead zone" else acting * (acting / peak) ** 2
-        found.append(record.edited({key: acting + share * more}))
-    return found
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "share", "words"),
@@ -157,26 +140,6 @@ def test_a_force_that_is_no_straight_line_is_named_and_spoils_no_friction(
 ) -> None:
     estimate = identify(SMALL, curved(two_mass_records(), "Gamma_m", name, share))
     assert any(words in what for _, _, what in told(estimate))
-    assert_truth_inside(estimate, TRUTH)
-
-
-@pytest.mark.slow
-def test_where_noise_of_the_forces_speaks_for_least_squares_the_intervals_hold_what_only_instruments_know(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def little(job: Job, method: Method, fit: Fit) -> DriveBias:
-        c = len(fit.columns)
-        return DriveBias(1e-9 * fit.solution.x, np.zeros(len(fit.delays)), np.zeros((c, c)), 0.0)
-
-    def none(model: Model, records: list[Record], choice: FilterChoice, fit: Fit) -> FloatArray:
-        return np.zeros(len(fit.columns))
-
-    monkeypatch.setattr(default_method, "driven_by_noise", little)
-    monkeypatch.setattr(default_method, "exceeding", lambda first: False)
-    monkeypatch.setattr(least_squares_instead, "noise_bias", none)
-    estimate = identify(SMALL, curved(two_mass_records(), "Gamma_m", "cube", 0.05))
-    assert estimate.fit.method == "wls"
-    assert any("the intervals hold what that moves" in what for _, _, what in told(estimate))
     assert_truth_inside(estimate, TRUTH)
 
 

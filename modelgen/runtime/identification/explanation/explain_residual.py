@@ -83,9 +83,10 @@ def _concluded(search: Search, seen: Seen, labels: tuple[str, ...]) -> Explained
     every = [estimated(*one) for one in zip(effects, now.sizes, others, strict=True)]
     found = [one for one, certain in zip(every, search.told(seen), strict=True) if certain]
     fit = replace(now.fit, notes=now.fit.notes + labels)
-    drift = search.drift + weighed + apart + unknown_timing(search.job, seen)
+    unsolved = search.drift + apart
+    drift = unsolved + weighed + unknown_timing(search.job, seen)
     advice = (*found, *search.advice, *told)
-    return Explained(now.observation, fit, effects, now.sizes, drift, advice, search.held)
+    return Explained(now.observation, fit, effects, now.sizes, drift, advice, search.held, unsolved)
 
 
 def _others(search: Search, seen: Seen) -> tuple[list[list[tuple[Effect, float]]], FloatArray]:

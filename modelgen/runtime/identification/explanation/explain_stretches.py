@@ -113,16 +113,19 @@ def explained_by_stretches(task: Task, method: IV, explain: Callable[[Task], Beg
 def _with_effects(task: Task, plain: Explained, told: Explained, record_of: list[int]) -> Explained:
     """Return the fit of whole records with the effects of their stretches, and what else may move it."""
     if not isinstance(task.method, IV):
-        return replace(plain, drift=told.drift)
+        return replace(plain, drift=told.drift, unsolved=told.unsolved)
     if not told.effects:
-        return replace(plain, drift=told.drift + _known_better(task.job, plain, told.held))
+        better = _known_better(task.job, plain, told.held)
+        return replace(plain, drift=told.drift + better, unsolved=told.unsolved + better)
     effects, job = _of_records(told.effects, record_of, len(task.records)), task.job
     try:
         effects, freed = fit_in_shape(job.setting(), job.calm, plain.fit, effects, (), job.sharpened)
     except (IdentifiabilityError, DataError):
         move = told.fit.solution.x - plain.fit.solution.x
-        return replace(plain, drift=told.drift + np.outer(move, move))
-    return Explained(freed.observation, freed.fit, effects, freed.sizes, told.drift, ())
+        more = np.outer(move, move)
+        return replace(plain, drift=told.drift + more, unsolved=told.unsolved + more)
+    found = Explained(freed.observation, freed.fit, effects, freed.sizes, told.drift, ())
+    return replace(found, unsolved=told.unsolved)
 
 
 def _known_better(job: Job, plain: Explained, held: Score | None) -> FloatArray:

@@ -40,6 +40,9 @@ class Explained:
     advice : tuple of Advice
     held : Score, optional
         Of an effect in `drift` that is likely and not certain: more samples may know better.
+    unsolved : array, shape (c, c), or 0
+        The part of `drift` that is of effects: held and not estimated, or what else could stand for them. It
+        is a matter of what is recorded, whichever way that is fitted.
     """
 
     observation: Observation
@@ -49,6 +52,7 @@ class Explained:
     drift: FloatArray
     advice: tuple[Advice, ...]
     held: Score | None = None
+    unsolved: FloatArray | float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

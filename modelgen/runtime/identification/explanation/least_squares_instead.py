@@ -42,8 +42,9 @@ def least_squares_instead(
     """Return least squares where noise of the sensors hardly biases it; None where it does.
 
     Where a model is wrong its simulation is, too: the measured motion is the better regressor then. What the
-    two methods differ by widens the intervals. Where noise of the forces biases instruments by `driven`, in
-    SI, shape (c,), that is taken off them first, and they count for effects that only they have estimated.
+    two methods differ by widens the intervals, and so do effects that instruments hold. Where noise of the
+    forces biases instruments by `driven`, in SI, shape (c,), that is taken off them first, and they count for
+    effects that only they have estimated.
     """
     iv = first.found
     late = {effect: size for effect, size in zip(iv.effects, iv.sizes, strict=True) if effect.kind == "delay"}
@@ -84,7 +85,7 @@ def least_squares_instead(
     found = replace(plain.found, advice=held_instead(iv.advice, late))
     weighed, _ = other_weights(task.job, fit)
     timing = timing_by_stretches(replace(job, late=task.job.late), method.least_squares, plain.found)
-    return with_note(replace(plain, found=found), note, np.outer(move, move) + weighed + timing)
+    return with_note(replace(plain, found=found), note, np.outer(move, move) + iv.unsolved + weighed + timing)
 
 
 def _less(fit: Fit, driven: FloatArray | None) -> Fit:
