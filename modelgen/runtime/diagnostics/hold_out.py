@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from numbers import Real
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError, Problem
+from modelgen.errors import DataError, ModelgenError, Problem
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.thresholds import SIGNIFICANT_MOVE, SMALLEST_SHARE
+from modelgen.runtime.filter_choice.thresholds import FEWEST_SAMPLES
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.records.record import Record, missing_name
@@ -99,6 +101,19 @@ def held_apart(
     )
 
 
+@contextmanager
+def little_left(hold_out: Sequence[str] | str | float | None) -> Iterator[None]:
+    """Add to an error within that most of every record is held out, where that may be its reason."""
+    try:
+        yield
+    except ModelgenError as error:
+        if not isinstance(hold_out, Real) or float(hold_out) < 0.5:
+            raise
+        what = f"leaves {100.0 * (1.0 - float(hold_out)):.3g} % of every record to identify from"
+        less = Problem("hold_out", what, "hold out less (--hold-out 0.3)")
+        raise type(error)(less, *error.problems) from None
+
+
 def held_out(fit: Fit, refused: Mapping[str, str], observation: Observation, own: Fit | None) -> HeldOut:
     """Judge a fit on rows it has not seen.
 
@@ -174,7 +189,12 @@ def _cut(record: Record, share: float, period_s: float | None) -> tuple[Record, 
         period = period_s * record.fs
         whole = max(round(at / period), 1)
         at = round(whole * period) if round(whole * period) < record.n else at
-    if min(at, record.n - at) < 2:
-        what = f"{share:g} leaves one of its parts without samples"
-        raise DataError.at(f"{record.name}: hold_out", what, "give another share")
+    least = min(at, record.n - at)
+    if least < FEWEST_SAMPLES:
+        what = f"{share:g} leaves {least} of its {record.n} samples to "
+        what += "identify from" if at == least else "test with"
+        low = np.ceil(1e3 * FEWEST_SAMPLES / record.n) / 1e3
+        between = f"give a share from {low:.3g} to {1.0 - low:.3g} (--hold-out 0.3)"
+        remedy = between if low < 0.5 else "give a longer record, or hold out none"
+        raise DataError.at(f"{record.name}: hold_out", what, remedy)
     return record.part(0, at, record.name), record.part(at, record.n, f"{record.name} (held out)")

@@ -19,7 +19,7 @@ from modelgen.runtime.diagnostics.cutoff_agreement import (
     disagreement_notes,
     significant_drift,
 )
-from modelgen.runtime.diagnostics.hold_out import HeldOut, held_out
+from modelgen.runtime.diagnostics.hold_out import HeldOut, held_out, little_left
 from modelgen.runtime.diagnostics.motion_checks import clipped_forces
 from modelgen.runtime.diagnostics.noise_bias import less_noise
 from modelgen.runtime.diagnostics.samples.suspicious_samples import told_on_failure
@@ -149,7 +149,7 @@ def fitted(task: Task) -> tuple[Task, Solution]:
         When the records answer none of the parameters.
     """
     step("filtering and solving")
-    with told_on_failure(task.doubts):
+    with told_on_failure(task.doubts), little_left(task.checks.hold_out):
         start, by_default = _run(task), isinstance(task.method, Auto)
         task, told = start.task, start.found
         model, job, method, plain = task.model, task.job, task.method, told.fit

@@ -11,7 +11,7 @@ from modelgen.errors import DataError, Problem
 from modelgen.magnitudes import REMEDY, SMALLEST
 from modelgen.progress import step
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.hold_out import held_apart
+from modelgen.runtime.diagnostics.hold_out import held_apart, little_left
 from modelgen.runtime.diagnostics.periods import periods_of
 from modelgen.runtime.diagnostics.samples.leaps import without_leaps
 from modelgen.runtime.diagnostics.samples.suspicious_samples import misread, suspicions, told_on_failure
@@ -128,7 +128,7 @@ def prepared(
     doubts = meanwhile(partial(suspicions, model, kept), files) if checks.tests else tuple[Advice, ...]
     if checks.tests:
         kept, unseen = without_leaps(model, kept), without_leaps(model, unseen)
-    with told_on_failure(doubts):
+    with told_on_failure(doubts), little_left(checks.hold_out):
         choice = _chosen(model, kept, filters, method)
     slow = slow_speeds(model, filters.slow_speeds)
     said = choice.sentences + direction_sentences(sources, choice.direction_cutoff_hz)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.least_squares.delays import advanced, with_holds
+from modelgen.runtime.least_squares.thresholds import LARGEST_GIVEN_DELAY
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
 
@@ -31,7 +32,8 @@ def aligned(
     Raises
     ------
     DataError
-        For a channel that is no force, or a word that is none of the two.
+        For a channel that is no force, a word that is none of the two, or a delay of more than a quarter of a
+        record.
     """
     forces = tuple(actuator.key for actuator in model.actuators if actuator.key in model.channels)
     problems = [missing_name("held", "force", key, forces) for key in held if key not in forces]
@@ -40,6 +42,9 @@ def aligned(
         problems.append(Problem("delays", f"is {delays!r}", remedy))
     given = delays if isinstance(delays, Mapping) else {}
     problems += [missing_name("delays", "force", key, forces) for key in given if key not in forces]
+    problems += [
+        _too_late(key, late, records) for key, late in given.items() if _leaves_little(late, records)
+    ]
     if problems:
         raise DataError(*problems)
     known = tuple(advanced(record, given) for record in with_holds(records, held))
@@ -48,3 +53,17 @@ def aligned(
         return known, ()
     # nothing shows when a force that never changes acts
     return known, tuple(key for key in forces if any(one.facts.extent(key).span > 0.0 for one in known))
+
+
+def _leaves_little(late: float, records: Sequence[Record]) -> bool:
+    return any(abs(late) * record.fs > LARGEST_GIVEN_DELAY * record.n for record in records)
+
+
+def _too_late(key: str, late: float, records: Sequence[Record]) -> Problem:
+    shortest = min(records, key=lambda record: record.n / record.fs)
+    length_s = shortest.n / shortest.fs
+    what = f"is {late:g} s late, and {shortest.name} is {length_s:.4g} s long"
+    most = LARGEST_GIVEN_DELAY * length_s
+    return Problem(
+        f"delays: {key}", what, f"give s, not ms or samples, {most:.3g} at most (--delay {key}=0.001)"
+    )

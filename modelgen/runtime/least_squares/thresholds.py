@@ -90,3 +90,6 @@ UNDISTORTED = 0.3
 EDGE_WIDTHS = 4.0
 # and sampled so many times finer than the time it is followed for.
 RESOLVED = 8
+
+# Of a record: a force that is late by more leaves too little of it, and is given in another unit.
+LARGEST_GIVEN_DELAY = 0.25

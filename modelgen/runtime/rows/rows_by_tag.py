@@ -41,7 +41,11 @@ def rows_by_tag(
     tags = dict.fromkeys(record.tag for record in records)
     names = dict.fromkeys(block.row_name for block in observation.blocks)
     problems = [
-        Problem("rows_for_tag", f"no record has the tag {tag!r}", "give the records' tags")
+        Problem(
+            "rows_for_tag",
+            f"no record has the tag {tag!r}",
+            f"give it to one (--tag {records[0].name}={tag}), or all rows to all records (--pairing all)",
+        )
         for tag in rows_for_tag
         if tag not in tags
     ]

@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import butter, cheby1, sosfiltfilt
 
 from generated import emps300_qm_qc
-from modelgen.errors import DataError
-from modelgen.runtime.diagnostics.hold_out import held_apart
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.runtime.diagnostics.hold_out import held_apart, little_left
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import model_from_module
@@ -87,12 +87,25 @@ def test_a_share_is_cut_from_the_end_of_every_record_in_whole_periods() -> None:
         (["one", "two"], "leaves no record"),
         (1.5, "between 0 and 1"),
         (0.0, "between 0 and 1"),
-        (1e-6, "leaves one of its parts without samples"),
+        (1e-6, r"leaves 0 of its 25000 samples to test with; give a share from 0\.002 to 0\.998"),
+        (0.9999, r"leaves 2 of its 25000 samples to identify from; give a share from .*--hold-out 0\.3"),
     ],
 )
 def test_what_cannot_be_held_out_is_named(hold_out: float | str | list[str], said: str) -> None:
     with pytest.raises(DataError, match=said):
         held_apart(records(), hold_out, {})
+
+
+def test_where_most_is_held_out_that_may_be_why_nothing_is_found() -> None:
+    lost = IdentifiabilityError.at("rows", "none has samples left", "record longer")
+    with pytest.raises(IdentifiabilityError) as raised, little_left(0.96):
+        raise lost
+    assert str(raised.value.problems[0]).startswith("hold_out: leaves 4 % of every record to identify from")
+    assert raised.value.problems[1:] == lost.problems
+    for none in (0.3, None, "one", ("one", "two")):
+        with pytest.raises(IdentifiabilityError) as raised, little_left(none):
+            raise lost
+        assert raised.value.problems == lost.problems
 
 
 def scipy_rows(record: Record, decimation: int) -> tuple[np.ndarray, np.ndarray]:

@@ -41,3 +41,9 @@ def test_another_word_is_refused() -> None:
     record = simulate(QM_AC, TRUTH, "chirp", fs=5000.0, duration_s=2.0).record
     with pytest.raises(DataError, match="rows_for_tag: is 'paper'"):
         identify(QM_AC, record, **values_of(rows_for_tag="paper"))
+
+
+def test_a_pairing_whose_tags_no_record_has_says_how_to_give_them() -> None:
+    record = simulate(QM_AC, TRUTH, "chirp", fs=5000.0, duration_s=2.0).record
+    with pytest.raises(DataError, match=r"no record has the tag 'trapezoid'; give it .*--tag .*=trapezoid\)"):
+        identify(QM_AC, record, **values_of(rows_for_tag="pham2002"))
