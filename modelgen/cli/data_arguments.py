@@ -114,6 +114,7 @@ def reading_options(
         "time_unit": options.time_unit or given.time_unit,
         "mend": (*given.mend, *(options.mend or ())),
         "units": units,
+        "stated_units": given.units,
     }
 
 

@@ -80,6 +80,18 @@ def test_import_prints_columns_units_and_the_next_command(bench: Path) -> None:
     assert mapping.time_unit == "ms"
 
 
+def test_a_unit_in_the_map_file_counts_and_must_be_of_the_channels_quantity(bench: Path) -> None:
+    mapped = bench / "units.toml"
+    columns = {"q_m": "Winkel Motor", "a_c": "Beschl Last", "Gamma_m": "Drehmoment"}
+    text = "".join(f'[channels.{key}]\ncolumn = "{column}"\n' for key, column in columns.items())
+    mapped.write_text(text.replace('Motor"', 'Motor"\nunit = "Nm"'), encoding="utf-8")
+    refused = run(
+        "identify", bench / "chirp.csv", "--model", bench / "emps300_qm_ac.py", "--map-file", mapped
+    )
+    assert refused.exit_code == 2
+    assert "column Winkel Motor is in Nm, and rad is needed" in refused.stderr
+
+
 def test_import_never_overwrites_unasked(bench: Path) -> None:
     mapped = bench / "mine.toml"
     mapped.write_text("mine", encoding="utf-8")

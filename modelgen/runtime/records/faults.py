@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import BoolArray, FloatArray, IntArray
 from modelgen.errors import Problem
 from modelgen.runtime.filters.readings import modulus, repeats, turns
-from modelgen.runtime.records.thresholds import GAP, NOTED_OFFSET, UNIFORM
+from modelgen.runtime.records.thresholds import FEW_STEPS, GAP, NEAR_GAP, NOTED_OFFSET, SCATTERED, UNIFORM
 
 POSITIONS = ("rad", "m")
 ACCELERATIONS = ("rad/s^2", "m/s^2")
@@ -50,17 +50,52 @@ def time_faults(clock: str, times: FloatArray) -> tuple[Finding, ...]:
     if backward.size:
         what = f"{clock} runs backward at {backward.size} sample(s), by up to {-steps[backward].min():.6g} s"
         findings.append(Finding("duplicates", f"{what}, first at sample {backward[0] + 1}"))
-    gaps = np.flatnonzero(steps > GAP * step)
+    kept = np.flatnonzero(in_order(times))
+    forward, gaps = np.diff(times[kept]), gaps_of(times[kept])
     if gaps.size:
-        missing = int(np.sum(np.round(steps[gaps] / step) - 1))
-        what = f"{clock} has {gaps.size} gap(s), {missing} samples missing, longest {steps[gaps].max():.6g} s"
-        findings.append(Finding("gaps", f"{what}, first at sample {gaps[0] + 1}"))
-    regular = steps[(steps > 0.0) & (steps <= GAP * step)]
-    uneven = float(np.max(np.abs(regular - step)))
+        missing = int(np.sum(np.round(forward[gaps] / step) - 1))
+        what = f"{clock} has {gaps.size} gap(s), {missing} samples missing"
+        longest = f"longest {forward[gaps].max():.6g} s"
+        findings.append(Finding("gaps", f"{what}, {longest}, first at sample {kept[gaps[0] + 1]}"))
+    uneven = float(np.max(np.abs(np.delete(forward, gaps) - step), initial=0.0))
     if uneven > UNIFORM * step:
         share = 100.0 * uneven / step
         findings.append(Finding("uneven", f"{clock} steps by {step:.6g} s, uneven by up to {share:.3g} %"))
     return tuple(findings)
+
+
+def in_order(times: FloatArray) -> BoolArray:
+    """Return which times, in s, shape (n,), are numbers and come after all before them."""
+    latest = np.fmax.accumulate(np.where(np.isfinite(times), times, -np.inf))
+    found: BoolArray = np.isfinite(times) & np.r_[True, times[1:] > latest[:-1]]
+    return found
+
+
+def gaps_of(times: FloatArray) -> IntArray:
+    """Return the samples behind which some are missing, of times in s, shape (n,), that increase.
+
+    There a step is longer than what stamps scatter by, and all that follow stay late: a stamp that alone is
+    late is followed by a short step.
+    """
+    steps = np.diff(times)
+    if not steps.size:
+        return np.empty(0, dtype=int)
+    step = float(np.median(steps))
+    # a normal deviate exceeds 0.6745 of its standard deviation in half of all cases
+    scatter = float(np.median(np.abs(steps - step))) / 0.6745
+    long = np.flatnonzero(steps > max(GAP * step, step + SCATTERED * scatter))
+    behind = np.arange(1, NEAR_GAP + 1)
+    kept = []
+    for start in range(0, long.size, FEW_STEPS):
+        at = long[start : start + FEW_STEPS, None]
+        late = [np.median(times[n] - step * n, axis=1) for n in _around(at, behind, times.size)]
+        kept.append(at[late[1] - late[0] > (GAP - 1.0) * step, 0])
+    return np.concatenate(kept) if kept else long
+
+
+def _around(at: IntArray, behind: IntArray, n: int) -> tuple[IntArray, IntArray]:
+    """Return the samples, shape (k, m), up to each of `at`, shape (k, 1), and behind it, of n samples."""
+    return np.maximum(at + 1 - behind, 0), np.minimum(at + behind, n - 1)
 
 
 def clock_faults(times: Mapping[str, FloatArray]) -> tuple[Finding, ...]:

@@ -41,6 +41,7 @@ class MappingFile:
     fs_hz: float | None = None
     mend: tuple[str, ...] = ()
     period_s: float | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def load_mapping(path: str | Path) -> MappingFile:
@@ -64,6 +65,7 @@ def load_mapping(path: str | Path) -> MappingFile:
         time.get("fs_hz"),
         tuple(document.get("mend", ())),
         time.get("period_s"),
+        {key: entry["unit"] for key, entry in channels.items() if "unit" in entry},
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from modelgen.errors import Problem
@@ -16,19 +16,27 @@ NAME_IT = "name it (--map {key}=COLUMN), or let `modelgen import` propose one"
 
 @dataclass(frozen=True)
 class Pick:
-    """A channel of the record: the file's column times a factor; `unit` is what the file states for it."""
+    """A channel of the record: the file's column times a factor; `unit` is the column's, as `stated`."""
 
     key: str
     column: str
     factor: float
     unit: Unit | None = None
     scaled: bool = False
+    stated: str = ""
 
 
 def pick_columns(
-    source: Source, keys: Sequence[str], mapping: Mapping[str, str], scales: Mapping[str, float | str]
+    source: Source,
+    keys: Sequence[str],
+    mapping: Mapping[str, str],
+    scales: Mapping[str, float | str],
+    stated: Mapping[str, str],
 ) -> tuple[list[Pick], list[Problem]]:
-    """Return the channels to read, and one problem per column or factor that is absent or wrong."""
+    """Return the channels to read, and one problem per column, factor or unit that is absent or wrong.
+
+    `stated` has the units of columns by channel, where they are not those of the file.
+    """
     picks, problems = [], []
     for key in keys:
         place = mapping.get(key, key)
@@ -37,7 +45,11 @@ def pick_columns(
             absent = missing_name(f"{source.path}: channel {key}", "column", column, source.names)
             unnamed = "" if key in mapping else f"; {NAME_IT.format(key=key)}"
             problems.append(replace(absent, remedy=absent.remedy + unnamed))
-        unit = unit_from_text(source.units.get(column, ""))
+        text = stated.get(key, source.units.get(column, ""))
+        unit = unit_from_text(text)
+        if unit is None and key in stated and key not in scales:
+            what, remedy = f"{text!r} is not known", "give the factor to SI units in its place"
+            problems.append(Problem(f"{source.path}: unit of {key}", what, remedy))
         factor = scales.get(key, unit.factor if unit else 1.0)
         if isinstance(factor, str):
             if factor not in source.scalars:
@@ -51,7 +63,7 @@ def pick_columns(
             )
             factor = 1.0
         signed = -factor if place.startswith("-") else factor
-        picks.append(Pick(key, column, signed, unit, key in scales))
+        picks.append(Pick(key, column, signed, unit, key in scales, text))
     # a misspelt scale would silently leave a channel in the wrong unit
     asked = dict.fromkeys((*keys, *mapping))
     problems += [
@@ -64,6 +76,23 @@ def pick_columns(
     return picks, problems
 
 
+def shared_problems(source: Source, picks: Sequence[Pick], wanted: Collection[str]) -> list[Problem]:
+    """Return one problem per column that is to be several of the `wanted` channels."""
+    keys: dict[str, list[str]] = {}
+    for pick in picks:
+        if pick.key in wanted:
+            keys.setdefault(pick.column, []).append(pick.key)
+    return [
+        Problem(
+            f"{source.path}: column {column}",
+            f"is mapped to {' and to '.join(named)}",
+            f"name the other's own column (--map {named[-1]}=COLUMN), or leave that sensor out of the spec",
+        )
+        for column, named in keys.items()
+        if len(named) > 1
+    ]
+
+
 def unit_problems(source: Source, picks: Sequence[Pick], wanted: Mapping[str, str]) -> list[Problem]:
     """Return one problem per column that states another quantity than wanted (SI units), without a factor.
 
@@ -72,11 +101,19 @@ def unit_problems(source: Source, picks: Sequence[Pick], wanted: Mapping[str, st
     found = []
     for pick in picks:
         asked, unit = wanted.get(pick.key), pick.unit
-        if pick.scaled or not asked or unit is None or unit.si in (asked, "1"):
+        # a share of what a drive can do is no number that stands for itself
+        if (
+            pick.scaled
+            or not asked
+            or unit is None
+            or unit.si == asked
+            or (unit.si, unit.factor) == ("1", 1.0)
+        ):
             continue
-        stated = source.units[pick.column]
-        what = f"column {pick.column} is in {stated}, and {asked} is needed"
-        remedy = f"give its factor, {asked} per {stated}: --scale {pick.key}=FACTOR, or factor in a map file"
+        what = f"column {pick.column} is in {pick.stated}, and {asked} is needed"
+        remedy = (
+            f"give its factor, {asked} per {pick.stated}: --scale {pick.key}=FACTOR, or factor in a map file"
+        )
         found.append(Problem(f"{source.path}: channel {pick.key}", what, remedy))
     return found
 
@@ -85,7 +122,7 @@ def taken_for(source: Source, picks: Sequence[Pick]) -> tuple[str, ...]:
     """Return how the file was interpreted: its layout, and every unit that was converted or is unknown."""
     said = list(source.took)
     for pick in picks:
-        text = source.units.get(pick.column, "")
+        text = pick.stated
         if pick.unit is None:
             if text and not pick.scaled:
                 said.append(

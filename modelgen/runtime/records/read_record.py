@@ -16,7 +16,6 @@ from modelgen.keyword_options import with_defaults
 from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.joined.joined_source import open_record
 from modelgen.runtime.files.source import Columns, Source
-from modelgen.runtime.files.units import unit_from_text
 from modelgen.runtime.records.channel_checks import magnitude_problem, missing_problem
 from modelgen.runtime.records.faults import (
     Finding,
@@ -27,7 +26,13 @@ from modelgen.runtime.records.faults import (
     time_faults,
     zero_faults,
 )
-from modelgen.runtime.records.picked_columns import Pick, pick_columns, taken_for, unit_problems
+from modelgen.runtime.records.picked_columns import (
+    Pick,
+    pick_columns,
+    shared_problems,
+    taken_for,
+    unit_problems,
+)
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.repair import (
     OF_READINGS,
@@ -40,7 +45,7 @@ from modelgen.runtime.records.repair import (
     mend_times,
     mend_turns,
 )
-from modelgen.runtime.records.sampling_frequency import sampling_frequency
+from modelgen.runtime.records.sampling_frequency import sampling_frequency, slow_times, unit_of_times
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +66,7 @@ class ReadOptions(TypedDict, total=False):
     time_unit: str | None
     mend: Sequence[str]
     units: Mapping[str, str] | None
+    stated_units: Mapping[str, str]
 
 
 def read_record(
@@ -104,6 +110,8 @@ def read_record(
         What to mend, see `modelgen.runtime.records.repair`; nothing is mended that is not named here.
     units : mapping of str to str, optional
         SI unit of the channels, where the caller knows it (the model does).
+    stated_units : mapping of str to str, optional
+        Unit of the columns by channel, in place of what the file states.
 
     Raises
     ------
@@ -111,7 +119,9 @@ def read_record(
         With one problem per mistake: the file, an absent column, a cell that is no number, non-uniform times,
         a sampling frequency that is missing or contradicted.
     """
-    given = with_defaults("read_record", options, ReadOptions, ReadOptions(welcome=(), mend=()))
+    given = with_defaults(
+        "read_record", options, ReadOptions, ReadOptions(welcome=(), mend=(), stated_units={})
+    )
     return read(path, mapping, scales, fs, time, name, tag, **given).record
 
 
@@ -129,7 +139,7 @@ def read(
 
     A `Source` that is open already may stand for its file.
     """
-    given = with_defaults("read", options, ReadOptions, ReadOptions(welcome=(), mend=()))
+    given = with_defaults("read", options, ReadOptions, ReadOptions(welcome=(), mend=(), stated_units={}))
     needed, mend, units = given["needed"], given["mend"], given["units"] or {}
     time_unit = given["time_unit"]
     source = path if isinstance(path, Source) else open_record(Path(path), time, time_unit)
@@ -142,8 +152,8 @@ def read(
         needed = tuple(mapping or (column for column in source.names if column not in others))
     there = (key for key in given["welcome"] if key in source.names)
     needed = tuple(dict.fromkeys((*needed, *there)))
-    picks, problems = pick_columns(source, needed, mapping or {}, scales or {})
-    problems += unit_problems(source, picks, units)
+    picks, problems = pick_columns(source, needed, mapping or {}, scales or {}, given["stated_units"])
+    problems += [*shared_problems(source, picks, units), *unit_problems(source, picks, units)]
     clock = time or source.clock_apart_from({pick.column for pick in picks})
     if time is not None and time not in source.known:
         problems.append(missing_name(f"{path}: times", "column", time, source.names))
@@ -156,12 +166,12 @@ def read(
     _check_missing(path, loaded, picks, mend)
     signals = {pick.key: _in_si(loaded[pick.column], pick.factor) for pick in picks}
     turned = mend_turns(signals, mend)
-    factor = _time_factor(source, time_unit, next(iter(clocks.values()), None))
+    unit = unit_of_times(time_unit, source.units.get(next(iter(clocks.values()), None) or "", ""))
     as_float: Columns = {}  # once a column of times, however many channels have it
     times = {
         key: _times(source, loaded, as_float, c, signals[key], time is not None) for key, c in clocks.items()
     }
-    track, findings = _together(source, clocks, times, factor, turned.signals, mend)
+    track, findings = _together(source, clocks, times, unit.factor if unit else 1.0, turned.signals, mend)
     track = mend_repeats(replace(track, said=(*turned.said, *track.said)), mend)
     if problems := reading_problems(str(path), track.signals, units):
         raise DataError(*problems)
@@ -170,14 +180,12 @@ def read(
     track = mend_offsets(track, si_units, mend)
     label = next((c for c in clocks.values() if c), None)
     where = f"{path}: column {label}" if track.times.size else str(path)
-    rate = sampling_frequency(where, stated, track.times if track.times.size else None)
-    record = Record(
-        track.signals,
-        rate,
-        name=name or source.name or source.path.stem,
-        tag=source.tag if tag is None else tag,
-    )
-    return Reading(record, taken_for(source, picks), findings, track.said)
+    known = source.joined or unit is not None
+    rate = sampling_frequency(where, stated, track.times if track.times.size else None, known)
+    name = name or source.name or source.path.stem
+    record = Record(track.signals, rate, name=name, tag=source.tag if tag is None else tag)
+    slow = slow_times(label, rate) if stated is None and not known else ()
+    return Reading(record, (*taken_for(source, picks), *slow), findings, track.said)
 
 
 def _load(source: Source, picks: Sequence[Pick], clocks: Sequence[str], optional: bool) -> Columns:
@@ -217,15 +225,6 @@ def _check_missing(path: Path, loaded: Columns, picks: Sequence[Pick], mend: Seq
 def _in_si(values: npt.NDArray[Any], factor: float) -> npt.NDArray[Any]:
     # what is no real number (a flag, a complex value) is left for the record to refuse
     return values * np.float64(factor) if factor != 1.0 and values.dtype.kind in "iuf" else values
-
-
-def _time_factor(source: Source, given: str | None, clock: str | None) -> float:
-    """Return what the times are multiplied by to be in s."""
-    text = given or source.units.get(clock or "", "")
-    unit = unit_from_text(text)
-    if given and (unit is None or unit.si != "s"):
-        raise DataError.at("--time-unit", f"{given!r} is no unit of time", "give s, ms, us or ns")
-    return unit.factor if unit and unit.si == "s" else 1.0
 
 
 def _times(

@@ -22,8 +22,8 @@ import numpy.typing as npt
 from modelgen.array_types import BoolArray, FloatArray
 from modelgen.errors import DataError, Problem, listed
 from modelgen.runtime.filters.readings import between_readings, modulus, repeats, turns, unwrapped
-from modelgen.runtime.records.faults import POSITIONS
-from modelgen.runtime.records.thresholds import GAP, UNIFORM
+from modelgen.runtime.records.faults import POSITIONS, gaps_of, in_order
+from modelgen.runtime.records.thresholds import UNIFORM
 
 MENDS = ("duplicates", "gaps", "fill", "uneven", "clocks")
 UNWRAP, REPEATS, OFFSET = "unwrap=", "repeats=", "offset="
@@ -151,8 +151,7 @@ def join_clocks(tracks: Mapping[str, tuple[FloatArray, FloatArray]]) -> Track:
 
 
 def _without_duplicates(track: Track) -> Track:
-    latest = np.fmax.accumulate(np.where(np.isfinite(track.times), track.times, -np.inf))
-    keep = np.isfinite(track.times) & np.r_[True, track.times[1:] > latest[:-1]]
+    keep = in_order(track.times)
     dropped = int(np.sum(~keep))
     if keep.size - dropped < 2:  # these are no times
         return track
@@ -215,8 +214,7 @@ def _range(size: int, start: int, stop: int) -> BoolArray:
 
 
 def _longest_stretch(track: Track) -> Track:
-    steps = np.diff(track.times)
-    cuts = np.flatnonzero(steps > GAP * np.median(steps)) + 1
+    cuts = gaps_of(track.times) + 1
     if not cuts.size:
         return track
     edges = np.r_[0, cuts, track.times.size]
@@ -236,8 +234,10 @@ def _evenly(where: str, track: Track, cubic: bool, why: str) -> Track:
     if np.any(np.diff(times) <= 0.0):
         remedy = "mend that first: --mend duplicates"
         raise DataError.at(where, "repeat or run backward and cannot be interpolated", remedy)
-    step = float(np.median(np.diff(times)))
-    # the mean step where no sample is missing: a clock that is read out in coarse digits drifts otherwise
+    # the mean step where no sample is missing: of a clock that scatters, or is read out in coarse digits, the
+    # median is known less well
+    steps, gaps = np.diff(times), gaps_of(times)
+    step = float(np.mean(np.delete(steps, gaps)))
     count = round(float(times[-1] - times[0]) / step)
     grid = times[0] + (times[-1] - times[0]) / count * np.arange(count + 1)
     signals = {

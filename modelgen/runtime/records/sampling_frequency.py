@@ -7,8 +7,9 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, shown_number
+from modelgen.runtime.files.units import Unit, unit_from_text
 from modelgen.runtime.records.faults import time_faults
-from modelgen.runtime.records.thresholds import AGREEMENT, LONGEST_STEP, UNIFORM
+from modelgen.runtime.records.thresholds import AGREEMENT, LONGEST_STEP, UNIFORM, UNLIKELY_STEP
 
 # What sets each kind of fault of the times right, in the order in which it is done.
 MENDS = {"duplicates": "duplicates", "gaps": "gaps (or fill)", "uneven": "uneven"}
@@ -20,7 +21,32 @@ def likely_unit(step: float) -> str:
     return next((name for name, count in UNITS.items() if 0.0 < step / count < LONGEST_STEP), "s")
 
 
-def sampling_frequency(where: str, stated: float | None, times: FloatArray | None) -> float:
+def unit_of_times(given: str | None, stated: str) -> Unit | None:
+    """Return the unit of times that is given, else the one that a file states; None where it is none of time.
+
+    Raises
+    ------
+    DataError
+        When what is given is no unit of time.
+    """
+    unit = unit_from_text(given or stated)
+    if unit is not None and unit.si == "s":
+        return unit
+    if given:
+        raise DataError.at("--time-unit", f"{given!r} is no unit of time", "give s, ms, us or ns")
+    return None
+
+
+def slow_times(label: str | None, rate_hz: float) -> tuple[str, ...]:
+    """Return what is said of a column of times without a unit that steps farther than motion is sampled."""
+    if rate_hz * LONGEST_STEP >= 1.0:
+        return ()
+    return (f"times: column {label} states no unit; taken for s, {rate_hz:.6g} Hz",)
+
+
+def sampling_frequency(
+    where: str, stated: float | None, times: FloatArray | None, in_seconds: bool = True
+) -> float:
     """Return the sampling frequency in Hz.
 
     Parameters
@@ -32,11 +58,14 @@ def sampling_frequency(where: str, stated: float | None, times: FloatArray | Non
         ms, us or ns and be rounded (by less than half a step), but no sample may be missing.
     times : array, shape (n,), optional
         Sampling times. Without a stated frequency they must be in s, and every step equal to within 1e-3.
+    in_seconds : bool
+        Whether that is known; where it is not, steps that are long for a motion are taken for another unit.
 
     Raises
     ------
     DataError
-        When neither is given, the times are not uniform, or the two disagree by more than 0.1 %.
+        When neither is given, the times are not uniform or seem to be in another unit, or the two disagree by
+        more than 0.1 %.
     """
     if stated is not None and not is_frequency(stated):
         raise DataError.at(where, f"sampling frequency is {shown_number(stated)} Hz", FREQUENCY_REMEDY)
@@ -52,6 +81,12 @@ def sampling_frequency(where: str, stated: float | None, times: FloatArray | Non
             what = f"steps by {1.0 / measured:.6g}, in seconds a sampling frequency of {measured:.6g} Hz"
             remedy = "give fs in Hz if the times are not in seconds, or their unit (--time-unit "
             raise DataError.at(where, what, f"{remedy}{likely_unit(1.0 / measured)})")
+        if not in_seconds and measured * UNLIKELY_STEP < 1.0:
+            unit = likely_unit(1.0 / measured)
+            what = f"states no unit, and steps by {1.0 / measured:.6g}, as times in {unit} do"
+            raise DataError.at(
+                where, what, f"give their unit (--time-unit {unit}, or s if they are in seconds)"
+            )
         # a clock carries no more digits; records of one bench then share one frequency
         return float(f"{measured:.9g}")
     if all(abs(measured * unit / stated - 1.0) > AGREEMENT for unit in UNITS.values()):

@@ -11,6 +11,9 @@ MOVES_AS_ONE = 0.1
 RIGID = 1e-9
 
 GAP = 1.5  # of the median step: a longer one means that samples are missing
+SCATTERED = 6.0  # and of the scatter of all steps: chance makes no longer one in a billion
+NEAR_GAP = 8  # samples on each side whose stamps say whether those behind a long step stay late
+FEW_STEPS = 1 << 16  # are looked at at once
 NOTED_OFFSET = 0.02  # of a channel's rms: a smaller mean is not reported
 
 # Points that the name, the unit and the samples of a column must earn to be proposed for a channel.
@@ -43,6 +46,8 @@ SHARED = 64
 
 UNIFORM = 1e-3  # of the step: how far a step may be from the others
 LONGEST_STEP = 0.05  # s: the motion of a machine is sampled faster
+# s: longer steps are of times in ms that do not say so; large machines may be read as seldom as this
+UNLIKELY_STEP = 0.11
 AGREEMENT = 1e-3  # relative: how far a stated frequency may be from the one of the times
 
 # So many whole periods at least, for a spread.

@@ -11,7 +11,7 @@ import pytest
 from modelgen.errors import DataError
 from modelgen.runtime.files.formats import open_source
 from modelgen.runtime.records.mapping_options import parse_mapping, parse_scales
-from modelgen.runtime.records.read_record import read_record
+from modelgen.runtime.records.read_record import read, read_record
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.write_record import write_record
 
@@ -353,3 +353,46 @@ def test_a_column_of_times_may_end_in_its_unit(tmp_path: Path) -> None:
     # a torque of a body s
     (tmp_path / "a.csv").write_text("t,T_s\n" + "".join(f"{0.002 * k:.6g},{k % 7}\n" for k in range(40)))
     assert set(read_record(tmp_path / "a.csv").keys) == {"T_s"}
+
+
+def test_times_in_ms_without_a_unit_are_not_taken_for_seconds(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("t,q\n" + "\n".join(f"{0.5 * n},{n % 7}" for n in range(100)), encoding="utf-8")
+    with pytest.raises(DataError, match=r"states no unit, and steps by 0\.5, as times in ms do"):
+        read_record(path)
+    assert read_record(path, time_unit="ms").fs == pytest.approx(2000.0)
+    assert read_record(path, time_unit="s").fs == pytest.approx(2.0)
+    path.write_text("t,q\n" + "\n".join(f"{0.1 * n},{n % 7}" for n in range(100)), encoding="utf-8")
+    assert read(path).took[-1] == "times: column t states no unit; taken for s, 10 Hz"
+
+
+def test_one_column_is_one_channel(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(
+        "t,q,tau\n" + "\n".join(f"{0.01 * n},{n % 7},{n % 5}" for n in range(100)), encoding="utf-8"
+    )
+    units = {"q_m": "rad", "q_c": "rad", "tau": "N m"}
+    with pytest.raises(DataError, match=r"column q: is mapped to q_m and to q_c; .*--map q_c=COLUMN"):
+        read_record(path, {"q_m": "q", "q_c": "-q", "tau": "tau"}, units=units)
+
+
+@pytest.mark.parametrize(
+    ("unit", "words"),
+    [
+        ("Nm", "is in Nm, and rad is needed"),
+        ("%", "is in %, and rad is needed"),
+        ("ell", "'ell' is not known"),
+    ],
+)
+def test_a_unit_that_is_said_for_a_channel_counts_and_must_be_of_its_quantity(
+    tmp_path: Path, unit: str, words: str
+) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("t,q\n" + "\n".join(f"{0.01 * n},{0.1 * n}" for n in range(100)), encoding="utf-8")
+    for say in ({"stated_units": {"q": unit}}, {"stated_units": {"q": unit}, "mapping": {"q": "q"}}):
+        with pytest.raises(DataError, match=words):
+            read_record(path, units={"q": "rad"}, **say)
+    turned = read_record(path, units={"q": "rad"}, stated_units={"q": "deg"})
+    assert turned.signals["q"][6] == pytest.approx(0.6 * np.pi / 180.0)
+    scaled = read_record(path, scales={"q": 2.0}, units={"q": "rad"}, stated_units={"q": unit})
+    assert scaled.signals["q"][10] == 2.0

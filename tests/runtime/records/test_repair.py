@@ -136,3 +136,34 @@ def test_a_sensor_that_repeats_its_readings_is_refused_and_mended(tmp_path: Path
     assert len(reading.mended) == 2
     for key in units:
         np.testing.assert_allclose(reading.record.signals[key][:-8], wave(T)[:-8], atol=1e-4)
+
+
+def test_stamps_that_scatter_are_no_gaps_and_all_samples_are_kept(tmp_path: Path) -> None:
+    """At normal stamps of a fifth of a step many steps are longer than one and a half."""
+    times = T + np.random.default_rng(2).normal(0.0, 2e-4, N)
+    assert np.sum(np.diff(times) > 1.5e-3) > 10
+    kinds = [finding.kind for finding in time_faults("t", times)]
+    assert "gaps" not in kinds
+    mended = read(save(tmp_path, times), mend=("duplicates", "gaps", "uneven"))
+    assert mended.record.n == np.sum(times > np.r_[-1.0, np.maximum.accumulate(times)[:-1]])
+    assert not any("gap" in said for said in mended.mended)
+
+
+def test_a_stamp_that_is_late_alone_is_no_gap_and_a_missing_sample_is_one_in_stamps_that_scatter() -> None:
+    late = T.copy()
+    late[[60, 200, 201]] += 0.9e-3
+    late[201] += 1e-5
+    assert [finding.kind for finding in time_faults("t", late)] == ["uneven"]
+    scattered = T + np.random.default_rng(3).normal(0.0, 5e-5, N)
+    (gap, uneven) = time_faults("t", np.delete(scattered, 300))
+    assert gap.what.startswith("t has 1 gap(s), 1 samples missing")
+    assert uneven.kind == "uneven"
+
+
+def test_steps_of_a_clock_that_scatters_become_even_at_their_mean(tmp_path: Path) -> None:
+    """The median of such steps is known to half a percent."""
+    times = T + np.random.default_rng(4).normal(0.0, 1.5e-4, N)
+    times = np.sort(times)
+    record = read(save(tmp_path, times), mend=("uneven",)).record
+    assert record.n == N
+    assert record.fs == pytest.approx(1000.0, rel=2e-3)

@@ -81,3 +81,18 @@ def test_rounded_times_only_confirm() -> None:
 def test_what_is_no_clock(times: np.ndarray[Any, Any], words: str) -> None:
     with pytest.raises(DataError, match=words):
         sampling_frequency("run", None, times)
+
+
+@pytest.mark.parametrize(("step", "unit"), [(0.5, "ms"), (0.2, "ms"), (0.125, "ms")])
+def test_times_without_a_unit_that_step_too_far_for_a_motion_need_one(step: float, unit: str) -> None:
+    times = step * np.arange(200)
+    with pytest.raises(
+        DataError, match=rf"steps by {step}, as times in {unit} do.*--time-unit {unit}, or s if"
+    ):
+        sampling_frequency("run", None, times, in_seconds=False)
+    assert sampling_frequency("run", None, times) == pytest.approx(1.0 / step)
+    assert sampling_frequency("run", 1.0 / step, times, in_seconds=False) == pytest.approx(1.0 / step)
+
+
+def test_times_of_a_motion_need_no_unit() -> None:
+    assert sampling_frequency("run", None, 0.04 * np.arange(200), in_seconds=False) == pytest.approx(25.0)
