@@ -69,6 +69,7 @@ MOST_STEPS = 12
 # as inexact. What explains less than the last share of the residual that it leaves may be of that order.
 INEXACT = {
     "lag": 0.002,
+    "two poles": 0.002,
     "average": 0.02,
     "force": 0.02,
     "form": 0.05,

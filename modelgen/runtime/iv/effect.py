@@ -7,19 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.thresholds import LARGEST_CLOCK, LARGEST_LAG, LATE_SHARE, LATE_TOLERANCE
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
 Changes = Mapping[str, FloatArray]
+Response = Callable[[FloatArray], ComplexArray]
 # Kinds of what happens about reversals where rows use samples there: a late change of direction, and another
 # form of friction. Rows know directions from a low-passed velocity only, and are no more exact than that.
 DIRECTION, REVERSAL = "direction", "reversal"
 AT_REVERSALS = (DIRECTION, REVERSAL)
-# Kinds of low-passes that a channel has gone through and the others have not.
-LOW_PASSES = frozenset({"lag", "average"})
+# Kinds of low-passes that a channel has gone through and the others have not; one of two poles has its delay
+# in it, which the others leave to an effect of its own.
+TWO_POLES = "two poles"
+LOW_PASSES = frozenset({"lag", "average", TWO_POLES})
+# Kinds that say when a channel is read.
+LATE = frozenset({"delay", TWO_POLES})
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +36,9 @@ class Effect:
     name : str
         "delay of q_c", unique.
     kind : str
-        "delay", "direction", "reversal" (friction there), "lag", "average", "clock", "gain", "zero",
-        "constant", "force", "form" (one of many, of friction or of a link), "mass" or "resonance": how its
-        size is said, and how exactly it is known.
+        "delay", "direction", "reversal" (friction there), "lag", "average", "two poles", "clock", "gain",
+        "zero", "constant", "force", "form" (one of many, of friction or of a link), "mass" or "resonance":
+        how its size is said, and how exactly it is known.
     words, negative : str
         What is said of it where its size is positive, and negative; empty where that cannot be.
     remedy : str
@@ -47,6 +52,11 @@ class Effect:
         Which record has it; None for what all of them have.
     forms : tuple of Effect
         Others that small sizes cannot tell from it.
+    alike : tuple of Effect
+        Others that are the same in first order: tried with it, and not looked for.
+    response : callable, optional
+        (size, fs in Hz) -> the response, at frequencies in cycles a sample, that sets the channel right; of
+        low-passes, which change its noise.
     at : callable, optional
         (Simulated, size) -> what is added per unit of further size where the effect is set right up to that
         size; by default what `changes` gives.
@@ -71,6 +81,8 @@ class Effect:
     edit: Callable[[str, float, Record], Edit] | None = None
     record: int | None = None
     forms: tuple[Effect, ...] = ()
+    alike: tuple[Effect, ...] = ()
+    response: Callable[[float, float], Response] | None = None
     at: Callable[[Simulated, float], Changes] | None = None
     quiet: Callable[[Simulated], Changes] | None = None
     acting: Callable[[Simulated, float], Simulated] | None = None
@@ -98,7 +110,7 @@ class Effect:
         """Return the size of a delay or lag in samples at fs, in Hz; 0 for other effects."""
         if self.edit is None or self.kind in ("clock", "zero"):
             return 0.0
-        return fs * (abs(size) if self.kind == "delay" else self._width(size))
+        return fs * (abs(size) if self.kind in LATE else self._width(size))
 
     def runs_away(self, size: float, fs: float) -> bool:
         """Tell whether a size is no small misalignment any more; fs in Hz."""
@@ -125,6 +137,8 @@ class Effect:
         words, shown = self.words if size > 0.0 else self.negative, abs(size)
         if self.kind in ("delay", DIRECTION):
             return f"{words} by {1e6 * shown:.3g} us"
+        if self.kind == TWO_POLES:
+            return f"{words} (late by {1e6 * shown:.3g} us)"
         if self.kind == "lag":
             return f"{words} (time constant about {1e6 * self._width(size):.2g} us)"
         if self.kind == "average":

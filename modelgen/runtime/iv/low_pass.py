@@ -4,19 +4,28 @@ A current loop, an amplifier or an analogue filter lags: 1 / (1 + tau s). A comm
 velocity from differences and a converter that integrates are averages, sinc(f T). Both are late as well,
 which is looked for apart; what is left differs in the third order of frequency only, by a phase as large as
 that of a damping. Small sizes do not tell the two apart: both are tried, and the better one is taken.
+
+A sensor may also have two poles (an accelerometer, an anti-aliasing filter): 1 / (1 + a s + r a^2 s^2), late
+by a. What it leaves of a delay is of third order where r is a half (Butterworth): it is tried with a delay.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.filters.one_pass import one_pass
 from modelgen.runtime.iv.companion_simulation import Simulated
-from modelgen.runtime.iv.effect import LOW_PASSES, Changes, Effect, curvature
-from modelgen.runtime.iv.thresholds import LEAST_PASSED, LEAST_PASSED_BEND
+from modelgen.runtime.iv.effect import TWO_POLES, Changes, Effect, Response, curvature
+from modelgen.runtime.iv.thresholds import (
+    BENDS,
+    BUTTERWORTH,
+    LARGEST_BEND_STEPS,
+    LEAST_PASSED,
+    LEAST_PASSED_BEND,
+)
 from modelgen.runtime.least_squares.time_shifts import behind
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
@@ -45,10 +54,57 @@ def low_pass(key: str, force: bool) -> Effect:
     """
     read, acts, average, averaged, remedy = _FORCE if force else _SENSOR
     other = Effect(f"average of {key}", "average", average.format(key), averaged.format(key),
-                   remedy.format(key), _bent(key), key, _at_rate_of(without_average))  # fmt: skip
+                   remedy.format(key), _bent(key), key, _at_rate_of(without_average),
+                   response=_average)  # fmt: skip
     name = f"{'lag' if force else 'bandwidth'} of {key}"
     return Effect(name, "lag", read.format(key), acts.format(key), remedy.format(key), _bent(key), key,
-                  _at_rate_of(without_lag), forms=(other,), at=_bent_further(key))  # fmt: skip
+                  _at_rate_of(without_lag), forms=(other,), at=_bent_further(key), response=_lag)  # fmt: skip
+
+
+def two_poles(key: str, bend: float = BUTTERWORTH, late: float = 0.0) -> Effect:
+    """Return that a sensor is read through a low-pass of two poles; its size is by how many s that is late.
+
+    `bend` is the r of 1 + a s + r a^2 s^2, with a the size, `late` a size near which r changes: the two are
+    found together.
+    """
+
+    def memory(size: float, fs: float) -> float:
+        return max(1.0, 2.0 * bend) * abs(size) * fs
+
+    def response(size: float, fs: float) -> Response:
+        return _set_right(lambda phase: 1.0 / (1.0 + phase + bend * phase**2), abs(size) * fs, size)
+
+    def edit(channel: str, size: float, record: Record) -> Edit:
+        return behind(channel, response(size, record.fs), memory(size, record.fs))
+
+    def by_delay(simulated: Simulated, size: float) -> Changes:
+        return changed(simulated, size, lambda s: s + 2.0 * bend * abs(size) * s**2)
+
+    def by_bend(simulated: Simulated) -> Changes:
+        return changed(simulated, late, lambda s: s**2)
+
+    def changed(simulated: Simulated, size: float, more: Callable[[ComplexArray], ComplexArray]) -> Changes:
+        fs = 1.0 / simulated.record.dt
+
+        def less(frequency: FloatArray) -> ComplexArray:
+            s = np.asarray(2.0j * np.pi * fs * frequency)
+            phase = abs(size) * s
+            return np.asarray(-more(s) / (1.0 + phase + bend * phase**2))
+
+        way = behind(key, less, memory(size, fs), still=0.0)
+        return {key: way.whole(simulated.record.signals[key])}
+
+    def moved(size: float, steps: Sequence[float]) -> Effect:
+        # where another channel is behind it, more of it here is less of a difference
+        step = float(np.clip(steps[0] / (size * abs(size)), *LARGEST_BEND_STEPS)) if size else 0.0
+        return two_poles(key, float(np.clip(bend + step, *BENDS)), size)
+
+    read, other, _, _, remedy = _SENSOR
+    damping = f", of second order with a damping ratio of {0.5 / np.sqrt(bend):.2g}"
+    shape = Effect(f"damping of {key}", TWO_POLES, "", "", "", by_bend, key)
+    return Effect(f"low-pass of {key}", TWO_POLES, read.format(key) + damping, other.format(key) + damping,
+                  remedy, lambda simulated: by_delay(simulated, 0.0), key, edit, at=by_delay,
+                  response=response, shape=lambda records: (shape,), moved=moved)  # fmt: skip
 
 
 def _at_rate_of(undone: Callable[[str, float, float], Edit]) -> Callable[[str, float, Record], Edit]:
@@ -61,7 +117,7 @@ def without_lag(key: str, size: float, fs: float) -> Edit:
     A force that acts behind a lag is its command through that low-pass; the delay is looked for apart. A
     positive size is that of a low-pass in the reading, which is undone.
     """
-    return behind(key, _set_right("lag", size, fs), _memory("lag", size, fs))
+    return behind(key, _lag(size, fs), _memory("lag", size, fs))
 
 
 def without_average(key: str, size: float, fs: float) -> Edit:
@@ -70,7 +126,7 @@ def without_average(key: str, size: float, fs: float) -> Edit:
     What an average takes away cannot be restored near its zeros: no more than a share of it is, with a bend
     in place of a corner, which would be felt at all frequencies.
     """
-    return behind(key, _set_right("average", size, fs), _memory("average", size, fs))
+    return behind(key, _average(size, fs), _memory("average", size, fs))
 
 
 def noise_passed(effect: Effect, size: float, frequency_hz: FloatArray, fs: float) -> FloatArray:
@@ -78,9 +134,9 @@ def noise_passed(effect: Effect, size: float, frequency_hz: FloatArray, fs: floa
 
     One for what is no low-pass; fs in Hz.
     """
-    if effect.edit is None or effect.kind not in LOW_PASSES or not size:
+    if effect.response is None or not size:
         return np.ones(len(frequency_hz))
-    return np.asarray(np.abs(_set_right(effect.kind, size, fs)(frequency_hz / fs)) ** 2)
+    return np.asarray(np.abs(effect.response(size, fs)(frequency_hz / fs)) ** 2)
 
 
 def _memory(kind: str, size: float, fs: float) -> float:
@@ -88,23 +144,32 @@ def _memory(kind: str, size: float, fs: float) -> float:
     return float(np.sqrt((24.0 if kind == "average" else 2.0) * abs(size))) * fs
 
 
-def _set_right(kind: str, size: float, fs: float) -> Callable[[FloatArray], ComplexArray]:
-    """Return the response, frequencies in cycles a sample, that undoes a low-pass; or is one, if below 0."""
-    memory = _memory(kind, size, fs)
+def _lag(size: float, fs: float) -> Response:
+    return _set_right(lambda phase: np.exp(phase) / (1.0 + phase), _memory("lag", size, fs), size)
 
-    def lag(frequency: FloatArray) -> ComplexArray:
-        phase = 2.0j * np.pi * frequency * memory
-        return np.asarray(np.exp(phase) / (1.0 + phase))
 
-    def average(frequency: FloatArray) -> ComplexArray:
-        passed = np.sinc(frequency * memory)
+def _average(size: float, fs: float) -> Response:
+    def passed(phase: ComplexArray) -> ComplexArray:
+        share = np.sinc(np.imag(phase) / (2.0 * np.pi))
         if size > 0.0:
-            bend = np.maximum(passed, 0.0) ** LEAST_PASSED_BEND + LEAST_PASSED**LEAST_PASSED_BEND
-            passed = bend ** (1.0 / LEAST_PASSED_BEND)
-        return np.asarray(passed, dtype=complex)
+            bend = np.maximum(share, 0.0) ** LEAST_PASSED_BEND + LEAST_PASSED**LEAST_PASSED_BEND
+            share = bend ** (1.0 / LEAST_PASSED_BEND)
+        return np.asarray(share, dtype=complex)
 
-    response = lag if kind == "lag" else average
-    return (lambda f: 1.0 / response(f)) if size > 0.0 else response
+    return _set_right(passed, _memory("average", size, fs), size)
+
+
+def _set_right(low_pass: Callable[[ComplexArray], ComplexArray], memory: float, size: float) -> Response:
+    """Return the response, frequencies in cycles a sample, that undoes a low-pass; or is one, if below 0.
+
+    That takes 2 pi j times the cycles in its memory, in samples.
+    """
+
+    def response(frequency: FloatArray) -> ComplexArray:
+        passed = low_pass(np.asarray(2.0j * np.pi * memory * frequency, dtype=complex))
+        return np.asarray(1.0 / passed if size > 0.0 else passed)
+
+    return response
 
 
 def _bent(key: str) -> Callable[[Simulated], Changes]:

@@ -8,6 +8,7 @@ mismatch Y - W X grows with the size. That holds for any sensor set, and without
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.chain_errors import chain_effects
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect
-from modelgen.runtime.iv.low_pass import low_pass
+from modelgen.runtime.iv.low_pass import low_pass, two_poles
 from modelgen.runtime.iv.thresholds import LONGEST_LIMIT, SATURATED
 from modelgen.runtime.least_squares.time_shifts import on_one_clock, shift
 from modelgen.runtime.model.model import Model, Sensor
@@ -103,7 +104,7 @@ def _clock(key: str) -> Effect:
 def _sensor_effects(sensor: Sensor, records: int) -> Iterator[Effect]:
     """Yield the effects of a sensor, its zero in each of so many records."""
     key = sensor.key
-    yield delay_effect(key)
+    yield replace(delay_effect(key), alike=(two_poles(key),))
     yield low_pass(key, force=False)
     yield _clock(key)
     gain = f"the gain of {key} is off"

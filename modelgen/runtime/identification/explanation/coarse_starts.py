@@ -32,7 +32,7 @@ from modelgen.runtime.identification.thresholds import (
 )
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import corrected
-from modelgen.runtime.iv.low_pass import low_pass
+from modelgen.runtime.iv.low_pass import low_pass, two_poles
 from modelgen.runtime.iv.model_errors import clock_effects, delay_effect, delay_effects, zero_effects
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.fit import Fit
@@ -149,6 +149,7 @@ def _families(job: Job) -> Iterator[_Family]:
     for late in list(late_by.values())[1:]:
         yield _Family((late,), lambda by: (by * sample,), SENSOR_DELAYS)
         yield _behind(late, low_pass(late.channel, force=False), sample, LOW_PASSES)
+        yield _Family((two_poles(late.channel),), lambda by: (by * sample,), LOW_PASSES)
     # a force may be read through a low-pass, or act behind one
     either = (*(-by for by in LOW_PASSES), *LOW_PASSES)
     for key in job.late:

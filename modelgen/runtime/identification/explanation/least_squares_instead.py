@@ -29,6 +29,7 @@ from modelgen.runtime.identification.refusals import all_refused, refusals, refu
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import BIAS_SHARE, CLEARLY_LESS, LEFT_SHARE, STANDS_IN
+from modelgen.runtime.iv.effect import LATE
 from modelgen.runtime.iv.freed_effects import corrected
 from modelgen.runtime.iv.told_effects import held_instead
 from modelgen.runtime.least_squares.fit import Fit
@@ -47,7 +48,7 @@ def least_squares_instead(
     effects that only they have estimated.
     """
     iv = first.found
-    late = {effect: size for effect, size in zip(iv.effects, iv.sizes, strict=True) if effect.kind == "delay"}
+    late = {effect: size for effect, size in zip(iv.effects, iv.sizes, strict=True) if effect.kind in LATE}
     inside = partial(corrected, delays={}, effects=late, sizes=tuple(late.values()))
     job = replace(task.job.changed(inside), late=())
     try:

@@ -27,7 +27,7 @@ from modelgen.runtime.identification.thresholds import (
     ROUGH,
     TRIED_TOO,
 )
-from modelgen.runtime.iv.effect import AT_REVERSALS, LOW_PASSES, Effect
+from modelgen.runtime.iv.effect import AT_REVERSALS, LATE, LOW_PASSES, Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.iv.shaped_effects import fit_in_shape
@@ -138,17 +138,21 @@ class Search:
         likely = [one for one in shown if one.explained >= TRIED_TOO * shown[0].explained][:MOST_TRIED]
         known = {effect.name for effect in self.effects}
         for effect in dict.fromkeys(one for score in likely for one in (score.effect, *score.effect.forms)):
-            if effect.name not in known:
-                found = self._freed(effect)
-                if found is not None:
-                    yield effect, *found
+            found = self._freed(effect) if effect.name not in known else None
+            if found is None:
+                continue
+            yield effect, *found
+            for other in effect.alike:
+                alike = self._freed(other, found[1].sizes[-1])
+                if alike is not None:
+                    yield other, *alike
 
-    def _freed(self, effect: Effect) -> tuple[tuple[Effect, ...], Freed] | None:
-        """Return the fit with one more effect; those left out that are none any more beside it.
+    def _freed(self, effect: Effect, size: float = 0.0) -> tuple[tuple[Effect, ...], Freed] | None:
+        """Return the fit with one more effect, from a size on; without those that it makes none of.
 
         What stood in for it (a clock for a delay, friction of one body for that of another) goes.
         """
-        effects, sizes = (*self.effects, effect), (*self.now.sizes, 0.0)
+        effects, sizes = (*self.effects, effect), (*self.now.sizes, size)
         certain = normal_beyond(0.5 * LEVEL)
         while True:
             solved = self._solved(effects, sizes)
@@ -190,7 +194,7 @@ class Search:
         """Return by how many samples a delay, or a clock at the end, is out of step; infinite for others."""
         if effect.kind == "clock":
             return abs(size) * max(record.n for record in self.job.records)
-        return abs(size) * max(record.fs for record in self.job.records) if effect.kind == "delay" else np.inf
+        return abs(size) * max(record.fs for record in self.job.records) if effect.kind in LATE else np.inf
 
     def _rarity(self, effect: Effect) -> int:
         """Return how rare an effect is among those that leave as little."""
