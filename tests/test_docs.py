@@ -65,11 +65,12 @@ def assert_printed(shown: str, printed: str) -> None:
             assert float(here) == pytest.approx(float(there), rel=0.05)
 
 
-LONG = ("how-to/sensors.md", "how-to/compare.md", "how-to/validate.md", "how-to/long-records.md")
+LONG = ("trust", "python", "sensors", "compare", "validate", "long-records")
 
 
 @pytest.mark.parametrize(
-    "page", [pytest.param(page, marks=pytest.mark.slow) if page in LONG else page for page in PAGES]
+    "page",
+    [pytest.param(page, marks=pytest.mark.slow) if Path(page).stem in LONG else page for page in PAGES],
 )
 def test_every_snippet_runs(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

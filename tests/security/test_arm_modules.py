@@ -64,6 +64,7 @@ def test_sizes_are_those_of_the_literals() -> None:
         assert module_problems(seal(changed)) != []
 
 
+@pytest.mark.slow
 def test_no_accepted_mutant_does_harm() -> None:
     # the audit hook around every test of this folder refuses files, processes and connections
     rng, accepted = random.Random(2002), 0

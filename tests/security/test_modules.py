@@ -215,6 +215,7 @@ LOAD = (
 )
 
 
+@pytest.mark.slow
 def test_huge_texts_end_with_a_message_in_little_time_and_memory(processes: Path) -> None:
     for name, make in HUGE.items():  # not named like a module that is imported
         (processes / f"huge {name}.py").write_text(seal(make()), encoding="utf-8")

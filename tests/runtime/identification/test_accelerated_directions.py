@@ -62,7 +62,7 @@ def test_a_load_with_friction_and_an_accelerometer_is_identified_by_default() ->
     assert all(np.isfinite(row.residual).any() for row in rows)
 
 
-@pytest.mark.parametrize("source", [(), ("--direction", "sign_c=a_c")])
+@pytest.mark.parametrize("source", [(), pytest.param(("--direction", "sign_c=a_c"), marks=pytest.mark.slow)])
 def test_files_need_no_column_for_a_direction_and_the_report_is_written(
     source: tuple[str, ...], tmp_path: Path
 ) -> None:

@@ -322,6 +322,7 @@ def test_slow_motion_tells_a_spring_at_a_higher_cutoff() -> None:
         identify(model, record, filters=Filters(cutoff_hz=4.3), checks=QUICK)
 
 
+@pytest.mark.slow
 def test_links_are_found_where_springs_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
     """Torques behind the springs: rows of links need no deflection."""
     model, record, truth = made("torques at links")

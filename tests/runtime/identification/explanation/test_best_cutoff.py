@@ -70,6 +70,7 @@ def test_where_reversals_and_noise_take_little_the_cutoff_stays() -> None:
     assert at_best_cutoff(first) is first
 
 
+@pytest.mark.slow
 def test_a_trapezoid_shows_its_mode_at_cutoffs_at_which_reversals_leave_samples() -> None:
     # at the cut-off for the motion itself every sample feels a reversal: the default had refused all of it
     record = simulate(SMALL, TRUTH, "trapezoid", fs=FS, duration_s=4.0, noise=NOISE, seed=3).record

@@ -34,6 +34,7 @@ def arm() -> tuple[Model, dict[str, float], Record]:
     return model, values, record
 
 
+@pytest.mark.slow
 def test_long_records_of_arms_take_least_squares_and_their_intervals_hold() -> None:
     model, values, record = arm()
     estimate = identify(model, record)
@@ -44,6 +45,7 @@ def test_long_records_of_arms_take_least_squares_and_their_intervals_hold() -> N
     assert np.sqrt(np.mean(np.square(errors))) < 1.5
 
 
+@pytest.mark.slow
 def test_a_late_force_is_left_to_instruments() -> None:
     model, _, record = arm()
     late = advanced(record, {"tau_1": -LATE_S})

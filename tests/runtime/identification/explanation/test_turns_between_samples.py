@@ -40,6 +40,7 @@ def chosen(model: Model, record: Record) -> bool:
     return with_turns_between_samples(about_the_estimate(task)[0]).choice.between
 
 
+@pytest.mark.slow
 def test_smooth_forces_let_joints_reverse_between_samples() -> None:
     model, values, record = fast()
     assert chosen(model, record)

@@ -31,6 +31,7 @@ def clean() -> tuple[Record, Record]:
     return swung(rubbing(), RUBBING, FAST, 6), swung(rubbing(), RUBBING, SLOW, 6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_spring_that_only_reversing_motion_shows_is_found(seed: int) -> None:
     rng = np.random.default_rng(seed)
