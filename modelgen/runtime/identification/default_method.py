@@ -21,7 +21,6 @@ from modelgen.runtime.identification.explanation.best_cutoff import (
     at_white_cutoff,
     calmer,
 )
-from modelgen.runtime.identification.explanation.explain_residual import explained, found_by
 from modelgen.runtime.identification.explanation.explain_stretches import (
     decided_by_stretches,
     explained_by_stretches,
@@ -29,7 +28,6 @@ from modelgen.runtime.identification.explanation.explain_stretches import (
 )
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
-    begun_with,
     exceeding,
     gained,
     run_method,
@@ -37,7 +35,7 @@ from modelgen.runtime.identification.explanation.explained import (
     with_note,
 )
 from modelgen.runtime.identification.explanation.from_starts import (
-    with_carried_zeros,
+    with_shown_effects,
     with_starts,
     with_zeros,
 )
@@ -48,7 +46,10 @@ from modelgen.runtime.identification.explanation.least_squares_instead import (
     stand_in,
 )
 from modelgen.runtime.identification.explanation.less_driven import driven_by_noise
-from modelgen.runtime.identification.explanation.simulated_directions import with_simulated_directions
+from modelgen.runtime.identification.explanation.simulated_directions import (
+    explained_with_directions,
+    with_simulated_directions,
+)
 from modelgen.runtime.identification.explanation.wider_directions import with_wider_directions
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, Auto
@@ -277,11 +278,8 @@ def _explained(task: Task, method: IV) -> Begun:
     step("looking for what the model lacks")
     if long(task.job):
         return explained_by_stretches(task, method, partial(_explained, method=method))
-    begun = with_wider_directions(at_best_cutoff(run_method(task, method)))
-    begun = with_simulated_directions(begun)
-    fit, job = begun.found.fit, begun.task.job
-    found = with_carried_zeros(job, explained(job, found_by(job, begun.found.observation, fit), fit))
-    return begun_with(begun.task, replace(found, drift=found.drift + begun.found.drift))
+    begun = with_simulated_directions(with_wider_directions(at_best_cutoff(run_method(task, method))))
+    return with_shown_effects(explained_with_directions(begun))
 
 
 def _last_resort(task: Task, method: Auto, error: IdentifiabilityError | DataError) -> Begun:

@@ -52,9 +52,11 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
 
     if composites:  # physical parameters are in many columns
         rules = Rules(job.robust is not None, job.bounds is not None, job.at_zero)
-        if job.effects:  # zeros, of which most is known
+        if job.effects:  # of zeros most is known
             apart = corrected(job.records, {}, job.effects, job.all_sizes)
-            setting = replace(setting, records=apart, zeros=job.effects)
+            sized = zip(job.effects, job.all_sizes, strict=True)
+            sizes = tuple(0.0 if one.edit else size for one, size in sized)
+            setting = replace(setting, records=apart, effects=job.effects, sizes=sizes)
         return fit_composites_iv(setting, dense, job.late, job.start, rules, job.begin)
 
     waiting = []

@@ -55,6 +55,10 @@ HELD_ROUNDS, HELD_SETTLED = 3, 1e-3
 KNOWN_INSTANT = 0.02
 # Directions are simulated so often, each time with the last estimate: the first is a few percent off.
 TURNED_ROUNDS = 2
+# They are made anew where what the model lacked explains so much of the residual, a share of its rms.
+TURNED_GAIN = 0.05
+# So many effects are estimated with physical parameters at most, one after the other.
+SHOWN_EFFECTS = 3
 # Reversals that a low-passed velocity does not see count where they move a parameter by more than this share
 # of its standard deviation.
 TURNS_MOVE = 0.5

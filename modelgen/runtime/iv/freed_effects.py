@@ -110,7 +110,7 @@ def fit_with_effects(
         simulated = simulated_records(plain, here, effects, sizes.tolist())
         Z = instruments(plain, here, {index: one.record for index, one in enumerate(simulated)})
         grown = effect_rows(plain, here, simulated, effects, sizes.tolist())
-        quiet = _quiet_rows(plain, here, simulated, effects, grown)
+        quiet = quiet_rows(plain, here, simulated, effects, grown)
         late = _late_rows(plain, here, delays)
         # what is set right in the records leaves only the step to its size in the rows
         left = np.where(edited, 0.0, sizes)
@@ -174,7 +174,7 @@ def _late_rows(fit: Fit, setting: Setting, delays: Mapping[str, float]) -> Grown
     )
 
 
-def _quiet_rows(
+def quiet_rows(
     fit: Fit, setting: Setting, simulated: Sequence[Simulated], effects: Sequence[Effect], grown: Grown
 ) -> Grown:
     """Return the instruments of effects: what they do to the rows without noise of the sensors."""
@@ -190,8 +190,8 @@ def _with_columns(
     """Return the fit with a column for each delay's step and each effect's size, and their instruments."""
     # a late force is set right by its step; an effect stays in the rows
     extra, further = ([*(steps_of(rates) for rates in one[:late]), *one[late:]] for one in grown)
-    added = _added(plain, grown[0][late:], sizes)
-    residuals = tuple(residual - more for residual, more in zip(plain.residuals, added, strict=True))
+    more = added(plain, grown[0][late:], sizes)
+    residuals = tuple(residual - own for residual, own in zip(plain.residuals, more, strict=True))
     return with_columns(weighed(replace(plain, residuals=residuals)), Z, extra, further)
 
 
@@ -209,15 +209,13 @@ def _alone(
 
 def _without(larger: Fit, plain: Fit, grown: Grown, sizes: FloatArray) -> Fit:
     """Return the fit to the columns alone: effects subtracted from Y, further columns projected out."""
-    added = _added(plain, grown[len(grown) - len(sizes) :], sizes)
-    blocks = tuple(
-        replace(block.kept(), Y=block.Y - more) for block, more in zip(plain.blocks, added, strict=True)
-    )
+    parts = zip(plain.blocks, added(plain, grown[len(grown) - len(sizes) :], sizes), strict=True)
+    blocks = tuple(replace(block.kept(), Y=block.Y - more) for block, more in parts)
     return without_columns(larger, replace(plain, blocks=blocks))
 
 
-def _added(plain: Fit, effects: Grown, sizes: FloatArray) -> list[FloatArray]:
-    """Return what effects of these sizes add to each block, shape (n,)."""
+def added(plain: Fit, effects: Grown, sizes: FloatArray) -> list[FloatArray]:
+    """Return what effects of these sizes add to each block, in the unit of its row, shape (n,)."""
     found = [np.zeros(block.count) for block in plain.blocks]
     for parts, size in zip(effects, sizes.tolist(), strict=True):
         found = [more + size * part for more, part in zip(found, parts, strict=True)]

@@ -47,7 +47,7 @@ class Setting:
     """The records, filters and controller that the model is simulated with.
 
     `guessed` are the directions of motion in the records that no sensor gives and no user: those of others.
-    `zeros` are those of positions, which steps in physical parameters estimate as well.
+    Steps in physical parameters estimate `effects` as well; they begin at `sizes`.
     """
 
     model: Model
@@ -56,7 +56,8 @@ class Setting:
     drop: int = 0
     loop: Loop | None = None
     guessed: tuple[str, ...] = ()
-    zeros: tuple[Effect, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    sizes: tuple[float, ...] = ()
 
 
 def fit_iv(start: Fit, setting: Setting) -> Fit:

@@ -8,7 +8,7 @@ not in the simulated effect: only what the effect explains remains.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -88,7 +88,10 @@ def scores(span: Span, effects: Sequence[Effect], grown: Sequence[Sequence[Float
         return ()
     fit, slope, r = span.fit, span.slope, span.left
     told = span.compared(grown, r)
-    seen = np.flatnonzero(told.power > LEAST_OWN_SHARE * told.whole)
+    apart = told.power > LEAST_OWN_SHARE * told.whole
+    seen = np.flatnonzero(
+        apart | [not one and span.tells(column) for one, column in zip(apart, grown, strict=True)]
+    )
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit, grown=False)), 0.0))
     critical = normal_beyond(0.5 * LEVEL / max(len(seen), 1))
     largest = span.largest_overlooked
@@ -145,44 +148,6 @@ def moves_within(span: Span, grown: Sequence[Sequence[FloatArray]]) -> FloatArra
             continue
         total += (share**2 * size**2 + 1.0 - share) * np.outer(move, move)
     return total
-
-
-def without_noise(
-    found: Sequence[Score],
-    span: Span,
-    effects: Sequence[Effect],
-    noise: tuple[Sequence[FloatArray], Sequence[Sequence[FloatArray]]],
-) -> tuple[Score, ...]:
-    """Return the scores without what noise of the forces makes of them, the most explained first.
-
-    Parameters
-    ----------
-    span : Span
-    effects : sequence of Effect
-        Those that matter.
-    noise : pair
-        What noise adds to the residual and to the effects, in SI, (rows,) a block, as from `noise_rows`.
-    """
-    fit = span.fit
-    r = span.apart(stacked(fit, noise[0]))
-    shift = {
-        effect.name: float(stacked(fit, change) @ r) for effect, change in zip(effects, noise[1], strict=True)
-    }
-    changed = []
-    for one in found:
-        if one.effect.name in shift:
-            share = 1.0 - shift[one.effect.name] / (one.power * one.size)
-            matters = one.matters and share > 0.0 and abs(share * one.size) > one.least
-            one = replace(
-                one,
-                size=share * one.size,
-                explained=share**2 * one.explained,
-                move=share * one.move,
-                matters=matters,
-                likely=matters,
-            )
-        changed.append(one)
-    return tuple(sorted(changed, key=lambda one: -one.explained))
 
 
 def slope_of(model: Model, fit: Fit) -> FloatArray | None:
@@ -249,6 +214,16 @@ class Span:
     def apart(self, column: FloatArray) -> FloatArray:
         """Return a weighted column, shape (r,), without what the regressors explain of it."""
         return self._spanned.apart(column)
+
+    def tells(self, column: Sequence[FloatArray]) -> bool:
+        """Tell whether an effect, one array a block, shape (n,), is apart from the columns in some block.
+
+        What it leaves in such a block has given that block little weight, and to others it may be a column.
+        """
+        parts = [w * part for w, part in zip(self.fit.weights, column, strict=True)]
+        own = np.split(self.apart(np.concatenate(parts)), np.cumsum([len(part) for part in parts])[:-1])
+        pairs = zip(own, parts, strict=True)
+        return any(bool(left @ left > LEAST_OWN_SHARE * (part @ part)) for left, part in pairs if part.any())
 
     def compared(self, grown: Sequence[Sequence[FloatArray]], residual: FloatArray) -> Compared:
         """Compare effects, one array a block, with the regressors, and a residual apart from these, (r,)."""

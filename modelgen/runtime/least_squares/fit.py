@@ -31,14 +31,14 @@ class CarriedOver:
         What each instant of each record adds to X's error, (grid, columns), by residuals of `linear`.
     unknown : tuple of str
         Physical parameters that cannot be told from the delays of forces.
-    zeros : tuple of (float, float)
-        Those of positions beyond what was taken off, and deviations.
+    sizes : tuple of (float, float)
+        Those of effects that were estimated as well, beyond what was taken off, and deviations.
     """
 
     linear: Fit
     series: tuple[FloatArray, ...]
     unknown: tuple[str, ...] = ()
-    zeros: tuple[tuple[float, float], ...] = ()
+    sizes: tuple[tuple[float, float], ...] = ()
 
 
 class FittedStretch(NamedTuple):

@@ -131,3 +131,17 @@ def test_what_is_not_estimated_counts_as_far_as_the_residual_leaves_it_open() ->
     held = [one.W @ TRUTH]
     np.testing.assert_allclose(moves_within(Span(fit), [held]), np.outer(TRUTH, TRUTH), rtol=1e-6)
     assert not np.any(moves_within(Span(fit), [[0.0 * grown]]))
+
+
+def test_an_effect_is_seen_in_the_rows_whose_weight_it_has_taken() -> None:
+    rng = np.random.default_rng(3)
+    sign = np.where(np.arange(N) % 40 < 20, 1.0, -1.0)
+    back, ahead = (np.column_stack([rng.standard_normal((N, 2)), one]) for one in (sign, np.ones(N)))
+    # ahead, a constant force is friction: what that leaves where the motion goes back takes weight off it
+    Y = [W @ TRUTH + 0.5 + 1e-3 * rng.standard_normal(N) for W in (back, ahead)]
+    blocks = (block(back, Y[0], record=0), block(ahead, Y[1], record=1))
+    fit = fit_matched(Observation(COLUMNS, blocks))
+    assert fit.weights[0] < 0.02 * fit.weights[1]
+    (found,) = scores(Span(fit), [effect("push")], [[np.ones(N), np.ones(N)]])
+    assert found.size == pytest.approx(0.5, rel=0.02)
+    assert found.matters

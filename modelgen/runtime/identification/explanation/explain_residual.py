@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.explanation.explained import Explained
 from modelgen.runtime.identification.explanation.folded_forces import forces_bend
@@ -37,6 +36,9 @@ from modelgen.runtime.rows.observation import Observation
 
 # Kinds of effects that say when something is read, or changes.
 TIMING = (DIRECTION, "delay")
+# Those that steps in physical parameters estimate as well: forces on bodies. Timings, low-passes and further
+# masses look like a command that is held, which is asked afterwards, or like damping of unseen bodies.
+FREED_KINDS = ("constant", "force")
 
 
 def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) -> Explained:
@@ -58,8 +60,11 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
     seen = search.look()
     labels = summed(seen.hidden)
     if fit.carried is not None:
-        drift, advice = _held(job, now.fit, seen.found)
-        search = replace(search, drift=drift, advice=tuple(advice), ended=True)
+        drift, shown = _held(job, now.fit, seen.found)
+        told = tuple(left_of(one, shown) for one in shown[:1])
+        search = replace(search, drift=drift, advice=told, ended=True)
+        first = next((one for one in shown if one.effect.kind in FREED_KINDS), None)
+        return replace(_concluded(search, seen, labels), shown=first)
     while not search.ended:
         search = search.step(seen)
         seen = seen if search.ended else search.look()
@@ -97,8 +102,8 @@ def _others(search: Search, seen: Seen) -> tuple[list[list[tuple[Effect, float]]
     return other_explanations(now.fit, search.effects, now.sizes, now.stds, seen.tested, looked)
 
 
-def _held(job: Job, fit: Fit, found: Sequence[Score]) -> tuple[FloatArray, list[Advice]]:
-    """Return what effects move that cannot be estimated, as a mean square, and what is said of them.
+def _held(job: Job, fit: Fit, found: Sequence[Score]) -> tuple[FloatArray, list[Score]]:
+    """Return what effects move that are not estimated, as a mean square, and those that the residual shows.
 
     Effects that are nearly sums of the columns are left out: a step that large tells nothing where nothing is
     solved again. Where the model lacks more than noise adds, what explains most counts, certain or not.
@@ -108,7 +113,7 @@ def _held(job: Job, fit: Fit, found: Sequence[Score]) -> tuple[FloatArray, list[
     loud = bool(exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE))
     held = dict.fromkeys([*(shown or likely_of(found))[:1], *(apart[:1] if loud else ())])
     drift = sum((np.outer(one.move, one.move) for one in held), np.zeros((len(fit.columns),) * 2))
-    return drift, [left_of(one, shown) for one in shown[:1]]
+    return drift, shown
 
 
 def found_by(job: Job, observation: Observation, fit: Fit) -> Freed:

@@ -43,6 +43,8 @@ class Explained:
     unsolved : array, shape (c, c), or 0
         The part of `drift` that is of effects: held and not estimated, or what else could stand for them. It
         is a matter of what is recorded, whichever way that is fitted.
+    shown : Score, optional
+        Of what the residual of a fit in physical parameters shows first of what can be estimated.
     """
 
     observation: Observation
@@ -53,6 +55,7 @@ class Explained:
     advice: tuple[Advice, ...]
     held: Score | None = None
     unsolved: FloatArray | float = 0.0
+    shown: Score | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,10 +17,14 @@ from modelgen.runtime.identification.explanation.explain_stretches import long
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
     Explained,
+    begun_at,
     begun_with,
+    exceeding,
+    gained,
     run_method,
 )
 from modelgen.runtime.identification.explanation.simulated_directions import (
+    explained_with_directions,
     left_a_sample,
     with_simulated_directions,
 )
@@ -28,9 +32,9 @@ from modelgen.runtime.identification.explanation.wider_directions import with_wi
 from modelgen.runtime.identification.job import Change, Job
 from modelgen.runtime.identification.methods import IV
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import ZERO_APART
+from modelgen.runtime.identification.thresholds import SHOWN_EFFECTS, ZERO_APART
 from modelgen.runtime.iv.freed_effects import Freed, corrected, fit_with_effects
-from modelgen.runtime.iv.thresholds import AS_LIKELY, EFFECT_ROUNDS
+from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS
 from modelgen.runtime.iv.told_effects import estimated
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
@@ -141,15 +145,40 @@ def with_zeros(task: Task, run: Callable[[Task], Begun]) -> Begun | None:
         return None
 
 
-def with_carried_zeros(job: Job, found: Explained) -> Explained:
-    """Return a fit in physical parameters with the zeros that were estimated with these, if any were."""
+def with_shown_effects(begun: Begun) -> Begun:
+    """Return instruments in physical parameters with what their residual shows estimated as well.
+
+    One effect after the other, as long as each makes the records clearly more likely; the intervals hold what
+    is left. Other fits have theirs already.
+    """
+    for _ in range(SHOWN_EFFECTS):
+        shown, found = begun.found.shown, _with_carried(begun.task.job, begun.found)
+        known = {effect.name for effect in found.effects}
+        if shown is None or shown.effect.name in known or not exceeding(begun):
+            break
+        effects, sizes = (*found.effects, shown.effect), (*found.sizes, shown.size)
+        job = replace(begun.task.job, effects=effects, sizes=sizes)
+        try:
+            again = run_method(begun_at(replace(begun.task, job=job), begun), begun.task.method)
+            again = explained_with_directions(again, begun)
+        except (IdentifiabilityError, DataError):
+            break
+        if again.found.fit.carried is None or gained(begun, again) < AS_GOOD:
+            break
+        begun = again
+    return begun_with(begun.task, _with_carried(begun.task.job, begun.found))
+
+
+def _with_carried(job: Job, found: Explained) -> Explained:
+    """Return a fit in physical parameters with the effects that were estimated with these, if any were."""
     carried = found.fit.carried
-    if carried is None or not carried.zeros:
+    if carried is None or not carried.sizes:
         return found
-    sizes = tuple(size + more for size, (more, _) in zip(job.all_sizes, carried.zeros, strict=True))
+    known = [size if one.edit else 0.0 for one, size in zip(job.effects, job.all_sizes, strict=True)]
+    sizes = tuple(size + more for size, (more, _) in zip(known, carried.sizes, strict=True))
     told = tuple(
         estimated(effect, size, ())
-        for effect, size, (_, std) in zip(job.effects, sizes, carried.zeros, strict=True)
+        for effect, size, (_, std) in zip(job.effects, sizes, carried.sizes, strict=True)
         if abs(size) > ZERO_APART * std
     )
     return replace(found, effects=job.effects, sizes=sizes, advice=(*told, *found.advice))

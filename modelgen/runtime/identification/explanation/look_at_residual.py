@@ -16,7 +16,7 @@ from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_r
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.mass_search import further_masses
 from modelgen.runtime.iv.model_errors import effects_of
-from modelgen.runtime.iv.score_tests import Score, Span, moves_within, scores, without_noise
+from modelgen.runtime.iv.score_tests import Score, Span, moves_within, scores, stacked
 from modelgen.runtime.iv.thresholds import EXACTNESS, LITTLE_OWN
 from modelgen.runtime.iv.told_effects import within_rounding
 from modelgen.runtime.records.record import Record
@@ -78,7 +78,7 @@ def look(
     if doubtful:
         seen = [tested[index] for index in doubtful]
         noise = noise_rows(now.fit, now.setting, seen, [rows[index] for index in doubtful])
-        found = without_noise(found, span, seen, noise)
+        found = _without_noise(found, span, seen, noise)
     forces, records = now.late_forces, job.records
     beyond = {one.effect.name for one in found if not believable(one.effect, one.size, forces, records)}
     found = tuple(
@@ -93,6 +93,44 @@ def look(
     left = [entry for entry, stays in zip(zip(tested, rows, strict=True), kept, strict=True) if stays]
     shown, told_by = tuple(one for one, _ in left), tuple(row for _, row in left)
     return Seen(found, hidden, shown, told_by, masses, folded, rounded)
+
+
+def _without_noise(
+    found: Sequence[Score],
+    span: Span,
+    effects: Sequence[Effect],
+    noise: tuple[Sequence[FloatArray], Sequence[Sequence[FloatArray]]],
+) -> tuple[Score, ...]:
+    """Return the scores without what noise of the forces makes of them, the most explained first.
+
+    Parameters
+    ----------
+    span : Span
+    effects : sequence of Effect
+        Those that matter.
+    noise : pair
+        What noise adds to the residual and to the effects, in SI, (rows,) a block, as from `noise_rows`.
+    """
+    fit = span.fit
+    r = span.apart(stacked(fit, noise[0]))
+    shift = {
+        effect.name: float(stacked(fit, change) @ r) for effect, change in zip(effects, noise[1], strict=True)
+    }
+    changed = []
+    for one in found:
+        if one.effect.name in shift:
+            share = 1.0 - shift[one.effect.name] / (one.power * one.size)
+            matters = one.matters and share > 0.0 and abs(share * one.size) > one.least
+            one = replace(
+                one,
+                size=share * one.size,
+                explained=share**2 * one.explained,
+                move=share * one.move,
+                matters=matters,
+                likely=matters,
+            )
+        changed.append(one)
+    return tuple(sorted(changed, key=lambda one: -one.explained))
 
 
 def _one_a_name(found: Sequence[Score]) -> tuple[Score, ...]:

@@ -16,10 +16,11 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.identification.explanation.explain_residual import timing_moves
+from modelgen.runtime.identification.explanation.explain_residual import explained, found_by, timing_moves
 from modelgen.runtime.identification.explanation.explained import Begun, begun_at, run_method, with_note
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.thresholds import TURNED_ROUNDS, TURNS_MOVE
+from modelgen.runtime.identification.task import Task
+from modelgen.runtime.identification.thresholds import TURNED_GAIN, TURNED_ROUNDS, TURNS_MOVE
 from modelgen.runtime.iv.companion_simulation import Loop, followed_closely, simulated_beside
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.physical.friction_rows import directions
@@ -32,6 +33,7 @@ from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.given_directions import (
     bodies_with_signs,
+    brings_directions,
     direction_channel,
     signs_of_rows,
     with_given_directions,
@@ -56,19 +58,57 @@ def with_simulated_directions(begun: Begun) -> Begun:
         return begun
     for _ in range(TURNED_ROUNDS):
         fit = found.found.fit
-        try:
-            job = replace(directed(task.job, fit), reversing=task.job.reversing or not near)
-            job_from = replace(job, start=replace(fit, simulated=None))
-            again = run_method(begun_at(replace(task, job=job_from), found), task.method)
-        except (DataError, IdentifiabilityError):
+        start = replace(task, job=replace(task.job, reversing=task.job.reversing or not near))
+        again = _turned_anew(start, found)
+        if again is None or left_a_sample(again.found.fit) > left_a_sample(fit):
             break
-        if again.found.fit.columns != fit.columns or left_a_sample(again.found.fit) > left_a_sample(fit):
-            break
-        found = replace(again, task=replace(again.task, job=job))
+        found = again
     if unseen is not None and (found is begun or _digits(found) < _digits(begun, unseen)):
         drift = begun.found.drift + np.outer(unseen, unseen)
         return replace(begun, found=replace(begun.found, drift=drift))
     return begun if found is begun else with_note(found, SIMULATED, found.found.drift)
+
+
+def explained_with_directions(begun: Begun, before: Begun | None = None) -> Begun:
+    """Return instruments with what their residual shows, and directions that know of it.
+
+    A simulation without a force, or with the friction that was found without it, has bodies turn elsewhere:
+    that is left then, and hides what else is missing. Directions are made anew where what was found explains
+    some of the residual, more than a fit `before` without effects left, and are kept where that leaves less.
+    """
+    told, before = with_residual_explained(begun), before or begun
+    for _ in range(TURNED_ROUNDS):
+        fit, records = told.found.fit, told.task.job.records
+        gain = left_a_sample(before.found.fit) - left_a_sample(fit)
+        if gain < TURNED_GAIN or not any(brings_directions(told.task.model, one) for one in records):
+            break
+        again = _turned_anew(begun.task, told)
+        again = again and with_residual_explained(with_note(again, SIMULATED, begun.found.drift))
+        if again is None or left_a_sample(again.found.fit) > left_a_sample(fit):
+            break
+        told, before = again, told
+    return told
+
+
+def with_residual_explained(begun: Begun) -> Begun:
+    """Return what the residual of instruments says, with the drift that there was."""
+    job, found = begun.task.job, begun.found
+    told = explained(job, found_by(job, found.observation, found.fit), found.fit)
+    return replace(begun, found=replace(told, drift=told.drift + found.drift))
+
+
+def _turned_anew(task: Task, found: Begun) -> Begun | None:
+    """Return a task run with directions of a simulation at a fit; None where columns are others, or none."""
+    fit = found.found.fit
+    try:
+        job = directed(task.job, fit)
+        start = replace(job, start=replace(fit, simulated=None))
+        again = run_method(begun_at(replace(task, job=start), found), task.method)
+    except (DataError, IdentifiabilityError):
+        return None
+    if again.found.fit.columns != fit.columns:
+        return None
+    return replace(again, task=replace(again.task, job=job))
 
 
 def _digits(begun: Begun, unseen: FloatArray | None = None) -> float:

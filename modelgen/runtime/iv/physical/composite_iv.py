@@ -178,8 +178,8 @@ def _with_held_delays(
         # beside a delay a body that vanished is none that the records know: the delay has taken its place
         if found.lost or vanished_names(model, found.values(model)):
             return None
-        zeros = tuple(size for size, _ in found.fit.carried.zeros) if found.fit.carried else ()
-        now = Unknowns(found.p, delays, zeros)
+        sizes = tuple(size for size, _ in found.fit.carried.sizes) if found.fit.carried else ()
+        now = Unknowns(found.p, delays, sizes)
         step = step_from(setting, fit_matched(found.observation), now, rules)
         moved, spread = (one[c : c + len(delays)] for one in (step.x, step.spread))
         if np.all(np.abs(moved) <= HELD_DELAY * spread):

@@ -14,9 +14,8 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.iv.divergence import simulation_failed
-from modelgen.runtime.iv.effect import Effect
-from modelgen.runtime.iv.effect_rows import followed_records, simulated_with
-from modelgen.runtime.iv.freed_effects import corrected
+from modelgen.runtime.iv.effect_rows import effect_rows, followed_records, simulated_with
+from modelgen.runtime.iv.freed_effects import Grown, added, corrected, quiet_rows
 from modelgen.runtime.iv.instrumental_variables import Setting, instruments, simulated
 from modelgen.runtime.iv.physical.friction_rows import (
     adds_friction,
@@ -32,10 +31,8 @@ from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.thresholds import WHITENING_ORDER
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.numerics.block_column import BlockColumn
 from modelgen.runtime.parameters.bounds import bounded_physical
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.row_terms import mismatch_terms
 
 
 @dataclass(frozen=True)
@@ -49,20 +46,20 @@ class Rules:
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """Physical parameters p, shape (parameters,), delays of forces in s, and the zeros of the setting, SI."""
+    """Physical parameters p, shape (parameters,), delays of forces in s, sizes of the setting's effects."""
 
     p: FloatArray
     delays: Mapping[str, float]
-    zeros: tuple[float, ...] = ()
+    sizes: tuple[float, ...] = ()
 
     @property
     def vector(self) -> FloatArray:
         """All of them, SI, shape (n,)."""
-        return np.array([*self.p, *self.delays.values(), *self.zeros])
+        return np.array([*self.p, *self.delays.values(), *self.sizes])
 
     def records(self, setting: Setting) -> tuple[Record, ...]:
-        """Return the records of a setting less delays and zeros."""
-        return corrected(setting.records, self.delays, setting.zeros, self.zeros)
+        """Return the records of a setting less delays, and effects as far as channels can be set right."""
+        return corrected(setting.records, self.delays, setting.effects, self.sizes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,63 +119,67 @@ def step_from(
         notes=(),
     )
     there = replace(setting, records=moved)
-    fit, Z = _with_instruments(fit, there, values)
+    fit, Z, grown, quiet = _with_instruments(fit, there, values, now.sizes)
     most = WHITENING_ORDER if white else 0
     white_rows = block_whiteners(fit, setting.choice.steps_s(moved), most)
     fit = replace(fit, lost=round(sum(white_of.lost for white_of in white_rows)))
     rates = [delay_rates(fit, model, moved, setting.choice, setting.drop, channel) for channel in now.delays]
-    rates += _zero_rates(fit, model, setting.zeros)
-    late = [np.column_stack(columns) for columns in zip(*rates, strict=True)] or [
-        np.zeros((len(block.place), 0)) for block in fit.blocks
-    ]
+    steps = [rate.changed(np.negative) for rate in rates]
+    further, beside = (_joined(fit, [*steps, *rows]) for rows in (grown, quiet))
     whitened, stacked = [], []
-    parts = zip(fit.blocks, fit.residuals, Z, late, white_rows, strict=True)
-    for block, residual, z, rate, white_of in parts:
-        W = white_of(np.column_stack([block.W @ slope, -rate]), block.place)
+    parts = zip(fit.blocks, fit.residuals, Z, further, beside, white_rows, strict=True)
+    for block, residual, z, own, calm, white_of in parts:
+        W = white_of(np.column_stack([block.W @ slope, own]), block.place)
         Y = white_of(residual, block.place) + W[:, : len(now.p)] @ now.p
         whitened.append(replace(block.kept(), W=W, Y=Y))
-        stacked.append(white_of(np.column_stack([z @ slope, -rate]), block.place))
+        stacked.append(white_of(np.column_stack([z @ slope, calm]), block.place))
     if not all(np.all(np.isfinite(z)) for z in stacked):
         failed = DataError.at("simulation", "is not finite", "record another motion")
         raise simulation_failed(failed, plain, model) from failed
     names = (*model.parameters, *(f"delay of {channel}" for channel in now.delays))
-    names += tuple(effect.name for effect in setting.zeros)
+    names += tuple(effect.name for effect in setting.effects)
     linear = replace(fit, columns=names, blocks=tuple(whitened))
     return GaussNewtonStep(fit, Z, slope, *_solved(two_stage(linear, tuple(stacked)), model, rules))
 
 
-def _zero_rates(fit: Fit, model: Model, zeros: Sequence[Effect]) -> list[BlockColumn]:
-    """Return d(Y - W X) / d size of positions' zeros that are set right, shape (n,) a block of the fit.
-
-    What is not differentiated holds them, and no filter moves a constant.
-    """
-    terms = mismatch_terms(model, fit.all_parameters(model.base_parameters)) if zeros else ()
-    counts, found = [len(block.place) for block in fit.blocks], []
-    for zero in zeros:
-        read = [one.key for one in model.signals if one.sensor == zero.channel and one.derivative == 0]
-        shares = [sum(row.get(key, 0.0) for key in read) for row in terms]
-        rates = {
-            index: np.full(count, -shares[block.row])
-            for index, (block, count) in enumerate(zip(fit.blocks, counts, strict=True))
-            if block.record == zero.record and shares[block.row]
-        }
-        found.append(BlockColumn(rates, counts))
-    return found
-
-
 def _with_instruments(
-    fit: Fit, setting: Setting, values: Mapping[str, float]
-) -> tuple[Fit, tuple[FloatArray, ...]]:
-    """Return a fit with its residuals, and instruments, both with the friction that its rows drop."""
-    if not adds_friction(fit, setting):
+    fit: Fit, setting: Setting, values: Mapping[str, float], sizes: Sequence[float]
+) -> tuple[Fit, tuple[FloatArray, ...], Grown, Grown]:
+    """Return a fit with its residuals, and instruments, both with the friction that its rows drop.
+
+    Behind them: how Y - W X grows with each effect of the setting, and the same without noise of the sensors.
+    """
+    friction, effects = adds_friction(fit, setting), setting.effects
+    if not friction and not effects:
         runs = simulated(fit, setting, values)
-        return _with_residuals(fit), instruments(fit, setting, runs)
+        return _with_residuals(fit), instruments(fit, setting, runs), (), ()
     beside = simulated_with(values, fit, setting)
-    runs = {index: one.record for index, one in enumerate(beside)}
-    Z = instruments_with_friction(instruments(fit, setting, runs), fit, setting, beside, values)
+    Z = instruments(fit, setting, {index: one.record for index, one in enumerate(beside)})
+    grown = effect_rows(fit, setting, beside, effects, sizes)
+    quiet = quiet_rows(fit, setting, beside, effects, grown)
+    # what can be set right in the channels is; the rows have the others
+    left = np.where([effect.edit is not None for effect in effects], 0.0, sizes)
+    fit = _without(fit, grown, left)
+    if not friction:
+        return _with_residuals(fit), Z, grown, quiet
+    Z = instruments_with_friction(Z, fit, setting, beside, values)
     # a weak feedback damps the chain, and bodies then turn and stick elsewhere than in the records
     close = followed_records(beside, fit, setting)
-    return _with_residuals(with_friction(fit, setting, close, values)), Z
+    return _with_residuals(with_friction(fit, setting, close, values)), Z, grown, quiet
+
+
+def _without(fit: Fit, grown: Grown, sizes: FloatArray) -> Fit:
+    """Return a fit whose Y lacks what effects of these sizes add."""
+    if not sizes.any():
+        return fit
+    parts = zip(fit.blocks, added(fit, grown, sizes), strict=True)
+    return replace(fit, blocks=tuple(replace(block.kept(), Y=block.Y - more) for block, more in parts))
+
+
+def _joined(fit: Fit, columns: Sequence[Sequence[FloatArray]]) -> list[FloatArray]:
+    """Return columns of one array a block each as one array a block, shape (n, columns)."""
+    none = [np.zeros((len(block.place), 0)) for block in fit.blocks]
+    return [np.column_stack(parts) for parts in zip(*columns, strict=True)] or none
 
 
 def _with_residuals(fit: Fit) -> Fit:
@@ -226,7 +227,7 @@ def in_base_columns(step: GaussNewtonStep, now: Unknowns, rounds: int) -> Fit:
     weights = tuple(1.0 / max(size, float(np.finfo(float).tiny)) for size in rms)
     # regressors for tests of further columns
     projected = two_stage(replace(step.rows, weights=weights), step.Z).projected
-    late_std, zero_std = np.split(step.spread[parameters:], [len(now.delays)])
+    late_std, effect_std = np.split(step.spread[parameters:], [len(now.delays)])
     return replace(
         step.rows,
         solution=solution,
@@ -240,6 +241,6 @@ def in_base_columns(step: GaussNewtonStep, now: Unknowns, rounds: int) -> Fit:
         carried=CarriedOver(
             step.linear,
             tuple(psi[:, :c] @ slope.T for psi in influence(white)),
-            zeros=tuple(zip(now.zeros, zero_std.tolist(), strict=True)),
+            sizes=tuple(zip(now.sizes, effect_std.tolist(), strict=True)),
         ),
     )

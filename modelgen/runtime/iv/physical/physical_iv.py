@@ -128,7 +128,7 @@ def fit_physical_iv(
     model = setting.model
     sample = 1.0 / min(record.fs for record in setting.records)
     first = _allowed(model, start, rules)
-    now, late = Unknowns(first, delays, (0.0,) * len(setting.zeros)), len(delays)
+    now, late = Unknowns(first, delays, setting.sizes), len(delays)
     c, steps = len(model.parameters), AndersonSteps()
     observation = rows(now.records(setting))
     plain = fit_matched(observation)
@@ -137,7 +137,7 @@ def fit_physical_iv(
     # where directions of motion follow the estimate, white rows would hide what a wrong one leaves
     near = settled or not adds_friction(plain, setting)
     for done in range(1, COMPOSITE_ROUNDS + 1):
-        if (late or now.zeros) and done > 1:
+        if (late or now.sizes) and done > 1:
             observation = rows(now.records(setting))
             plain = replace(plain, blocks=tuple(block for block in observation.blocks if block.place.size))
         try:
@@ -150,11 +150,11 @@ def fit_physical_iv(
         if not np.all(np.isfinite(move)):
             raise diverged("its estimate is not finite", plain, model)
         size = np.r_[
-            np.abs(x[:c]), np.full(late, SMALLEST_STEP * sample / SMALL_CHANGE), np.zeros_like(now.zeros)
+            np.abs(x[:c]), np.full(late, SMALLEST_STEP * sample / SMALL_CHANGE), np.zeros_like(now.sizes)
         ]
         still = COMPOSITE_MOVE if done <= STILL_ROUNDS else LATER_MOVE
         small = np.maximum(still * spread, SMALL_CHANGE * size)
-        hopeless = spread > HOPELESS * np.r_[np.abs(x[:c]), np.full(late + len(now.zeros), np.inf)]
+        hopeless = spread > HOPELESS * np.r_[np.abs(x[:c]), np.full(late + len(now.sizes), np.inf)]
         if near and done > 1 and np.all((np.abs(move) <= small) | hopeless):
             lost, fit = _lost(setting, now, spread[: c + late]), in_base_columns(step, now, done)
             if late and fit.carried is not None:
@@ -238,7 +238,7 @@ def _moved(model: Model, now: Unknowns, move: FloatArray, sample: float, rules: 
     late, apart = np.split(length * move[c:], [len(now.delays)])
     steps = np.clip(late, -sample, sample).tolist()
     delays = {channel: delay + step for (channel, delay), step in zip(now.delays.items(), steps, strict=True)}
-    return Unknowns(now.p + length * move[:c], delays, tuple((apart + now.zeros).tolist()))
+    return Unknowns(now.p + length * move[:c], delays, tuple((apart + now.sizes).tolist()))
 
 
 def _led_away(model: Model, p: FloatArray, first: FloatArray, rules: Rules, factor: float) -> list[str]:
