@@ -156,6 +156,24 @@ def test_one_name_for_one_thing(sources: dict[str, str]) -> None:
     assert not repeated_classes(sources)
 
 
+def test_no_module_gives_a_name_twice(sources: dict[str, str]) -> None:
+    assert not [f"modelgen/{path}: {name}" for path, text in sources.items() for name in given_twice(text)]
+
+
+def given_twice(text: str) -> list[str]:
+    """The names that a module gives a value more than once: the first is lost without a word."""
+    names = [name for node in tree(text).body if isinstance(node, ast.Assign) for name in named_by(node)]
+    return sorted({name for name in names if names.count(name) > 1})
+
+
+def named_by(node: ast.Assign) -> list[str]:
+    return [one.id for target in node.targets for one in ast.walk(target) if isinstance(one, ast.Name)]
+
+
+def test_names_given_twice_are_found() -> None:
+    assert given_twice("A, B = 1, 2\nC = 3\nB = 4\ndef f():\n    C = 5\n") == ["B"]
+
+
 def repeated_classes(sources: Mapping[str, str]) -> dict[str, list[str]]:
     """The modules of every public class whose name another class has as well."""
     homes: dict[str, list[str]] = {}

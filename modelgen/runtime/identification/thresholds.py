@@ -65,7 +65,7 @@ TURNS_MOVE = 0.5
 # So many effects are estimated at most: the records do not hold more.
 MOST_EFFECTS = 3
 # Steps of a search, those counted that take one effect in place of another.
-MOST_STEPS = 12
+SEARCH_STEPS = 20
 # What an effect moves is known to this share, by kind: channels are set right by a low-pass of first order,
 # a held force has images beyond half the sampling frequency that fold back into the positions (0.4 (pi f /
 # fs)^2 of what the average does), what acts on the chain is worked out in first order and has one form of

@@ -33,7 +33,7 @@ ARM_SMOOTHING, ARM_SMOOTHING_ORDER = 2.0, 4
 # Gauss-Newton steps from one start, at most.
 COMPOSITE_ROUNDS = 25
 # Rows are made white when a step moves nothing by more than this many standard deviations, or after so many:
-NEAR, ROUGH_ROUNDS = 0.5, 8
+NEARLY, ROUGH_ROUNDS = 3.0, 8
 # Done when nothing moves by more than this share of its standard deviation, or of its value;
 COMPOSITE_MOVE = 0.02
 # Directions of motion jump from sample to sample as parameters move, so that steps do not shrink for ever:

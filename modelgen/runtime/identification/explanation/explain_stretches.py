@@ -119,13 +119,26 @@ def _with_effects(task: Task, plain: Explained, told: Explained, record_of: list
         return replace(plain, drift=told.drift + better, unsolved=told.unsolved + better)
     effects, job = _of_records(told.effects, record_of, len(task.records)), task.job
     try:
-        effects, freed = fit_in_shape(job.setting(), job.calm, plain.fit, effects, (), job.sharpened)
+        if plain.fit.carried is not None:
+            found = _with_carried_effects(task, plain.fit, effects, told.sizes)
+        else:
+            effects, freed = fit_in_shape(job.setting(), job.calm, plain.fit, effects, (), job.sharpened)
+            found = Explained(freed.observation, freed.fit, effects, freed.sizes, told.drift, ())
     except (IdentifiabilityError, DataError):
         move = told.fit.solution.x - plain.fit.solution.x
         more = np.outer(move, move)
         return replace(plain, drift=told.drift + more, unsolved=told.unsolved + more)
-    found = Explained(freed.observation, freed.fit, effects, freed.sizes, told.drift, ())
-    return replace(found, unsolved=told.unsolved)
+    return replace(found, drift=told.drift, unsolved=told.unsolved)
+
+
+def _with_carried_effects(
+    task: Task, near: Fit, effects: tuple[Effect, ...], sizes: tuple[float, ...]
+) -> Explained:
+    """Return a fit of whole records in physical parameters with effects, which its steps estimate as well."""
+    job = replace(task.job, effects=effects, sizes=sizes, begin=near.physical(task.model.parameters))
+    found = _from_near(job, near, task.method)
+    carried = found.fit.carried
+    return replace(found, effects=effects, sizes=tuple(size for size, _ in carried.sizes) if carried else ())
 
 
 def _known_better(job: Job, plain: Explained, held: Score | None) -> FloatArray:

@@ -21,10 +21,10 @@ from modelgen.runtime.identification.thresholds import (
     LEAST_SIZE,
     LITTLE_LEFT,
     MOST_EFFECTS,
-    MOST_STEPS,
     MOST_TRIED,
     OVER_NOISE,
     ROUGH,
+    SEARCH_STEPS,
     TRIED_TOO,
 )
 from modelgen.runtime.iv.effect import AT_REVERSALS, LATE, LOW_PASSES, Effect
@@ -92,7 +92,7 @@ class Search:
     def step(self, seen: Seen) -> Search:
         """Return the search with the effect estimated that leaves least, or at its end."""
         shown = [one for one in seen.found if one.matters and one.effect.possible(one.size)]
-        room = len(self.effects) < self.given + MOST_EFFECTS and len(self.before) < MOST_STEPS
+        room = len(self.effects) < self.given + MOST_EFFECTS and len(self.before) < SEARCH_STEPS
         tried = [one for one in self._with_mass(seen.masses)] if room else []
         if not tried and not shown:
             likely = likely_of(seen.found)

@@ -32,7 +32,7 @@ from modelgen.runtime.iv.thresholds import (
     LATER_MOVE,
     LINEAR_SHARE,
     MANY_TIMES,
-    NEAR,
+    NEARLY,
     ROUGH_ROUNDS,
     SMALL_CHANGE,
     STILL_ROUNDS,
@@ -160,7 +160,7 @@ def fit_physical_iv(
             if late and fit.carried is not None:
                 fit = replace(fit, carried=replace(fit.carried, unknown=lost))
             return Found(observation, fit, now.p, x[:c], lost, _below_zero(model, x[:c], spread[:c]))
-        near = near or bool(np.all((np.abs(move) <= NEAR * spread) | hopeless)) or done >= ROUGH_ROUNDS
+        near = near or bool(np.all((np.abs(move) <= NEARLY * spread) | hopeless)) or done >= ROUGH_ROUNDS
         if near and _linear(model, now, move, spread, rules):
             move = steps.combined(now.vector, move, spread)
         now = _moved(model, now, move, sample, rules)

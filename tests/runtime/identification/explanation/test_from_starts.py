@@ -7,7 +7,9 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 
 from modelgen.array_types import FloatArray
+from modelgen.runtime.identification.explanation import explain_stretches
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.thresholds import SEARCHED
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.identification.explanation.test_simulated_directions import PLACES, servo
@@ -45,7 +47,12 @@ def test_directions_are_simulated_of_records_whose_low_pass_is_undone(samples_la
 
 
 @pytest.mark.slow
-def test_a_constant_force_behind_an_unseen_body_is_estimated_with_the_parameters() -> None:
+@pytest.mark.parametrize("searched", [SEARCHED, 6000])
+def test_a_constant_force_behind_an_unseen_body_is_estimated_with_the_parameters(
+    searched: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # of records that are longer, stretches decide
+    monkeypatch.setattr(explain_stretches, "SEARCHED", searched)
     loaded = model_of(CHAIN.replace('inertia = "J_l"', 'inertia = "J_l", offset = "F_0"'), "ends")
     truth = {**UNSEEN_TRUTH, "F_0": 0.3}
     records = [
