@@ -65,7 +65,7 @@ def assert_printed(shown: str, printed: str) -> None:
             assert float(here) == pytest.approx(float(there), rel=0.05)
 
 
-LONG = ("trust", "python", "sensors", "compare", "validate", "long-records")
+LONG = ("trust", "python", "monitor", "arm", "sensors", "compare", "validate", "long-records")
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,7 @@ def test_the_modules_that_are_changed_are_good(text: str) -> None:
     use(model_from_text(text))
 
 
+@pytest.mark.slow
 def test_no_accepted_mutant_does_harm() -> None:
     accepted: set[str] = set()
 

@@ -216,14 +216,23 @@ class Span:
         return self._spanned.apart(column)
 
     def tells(self, column: Sequence[FloatArray]) -> bool:
-        """Tell whether an effect, one array a block, shape (n,), is apart from the columns in some block.
+        """Tell whether an effect, one array a block, shape (n,), is apart from the columns at equal weights.
 
-        What it leaves in such a block has given that block little weight, and to others it may be a column.
+        Blocks of one row have that of the largest: what the effect leaves in one record may have taken its
+        weight, and to the others it may be a column.
         """
-        parts = [w * part for w, part in zip(self.fit.weights, column, strict=True)]
+        fit, most = self.fit, dict[int, float]()
+        for block, weight in zip(fit.blocks, fit.weights, strict=True):
+            most[block.row] = max(most.get(block.row, 0.0), weight)
+        parts = [weight * part for weight, part in zip(fit.weights, column, strict=True)]
         own = np.split(self.apart(np.concatenate(parts)), np.cumsum([len(part) for part in parts])[:-1])
-        pairs = zip(own, parts, strict=True)
-        return any(bool(left @ left > LEAST_OWN_SHARE * (part @ part)) for left, part in pairs if part.any())
+        larger = [
+            (most[block.row] / weight) ** 2 for block, weight in zip(fit.blocks, fit.weights, strict=True)
+        ]
+        left, whole = (
+            sum(more * (one @ one) for more, one in zip(larger, every, strict=True)) for every in (own, parts)
+        )
+        return bool(left > LEAST_OWN_SHARE * whole)
 
     def compared(self, grown: Sequence[Sequence[FloatArray]], residual: FloatArray) -> Compared:
         """Compare effects, one array a block, with the regressors, and a residual apart from these, (r,)."""

@@ -125,7 +125,7 @@ def test_least_squares_of_an_arm_keep_turns_and_need_no_higher_cut_off() -> None
     assert predicted(False).choice.cutoff_hz < 0.6 * predicted(True).choice.cutoff_hz
 
 
-@pytest.mark.parametrize("load", ["", ', coulomb = "F_sl"'])
+@pytest.mark.parametrize("load", ["", pytest.param(', coulomb = "F_sl"', marks=pytest.mark.slow)])
 def test_a_cutoff_far_below_the_band_of_a_random_force_is_found(load: str) -> None:
     """Between both noise drowns everything; a guessed direction of the load's friction is no hindrance."""
     speed = SERVO.replace('measures = "position"', 'measures = "velocity"')

@@ -93,6 +93,7 @@ CASES = {
     "speeds of links": (with_sensors(two_link(), *both(), *both("link", "velocity")), "s", 16),
 }
 SLOW = (
+    "motors alone, gears",
     "six joints",
     "links alone, six joints",
     "motors alone, spatial",

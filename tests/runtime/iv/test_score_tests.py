@@ -145,3 +145,12 @@ def test_an_effect_is_seen_in_the_rows_whose_weight_it_has_taken() -> None:
     (found,) = scores(Span(fit), [effect("push")], [[np.ones(N), np.ones(N)]])
     assert found.size == pytest.approx(0.5, rel=0.02)
     assert found.matters
+
+
+def test_what_a_column_is_but_for_rounding_in_another_row_is_no_effect() -> None:
+    rng = np.random.default_rng(4)
+    W = np.column_stack([rng.standard_normal((N, 2)), np.ones(N)])
+    none, push = np.column_stack([rng.standard_normal((N, 2)), np.zeros(N)]), 1e-9 * rng.standard_normal(N)
+    Y = [rows @ TRUTH + 1e-3 * rng.standard_normal(N) for rows in (W, none)]
+    fit = fit_matched(Observation(COLUMNS, (block(W, Y[0], row=0), block(none, Y[1], row=1))))
+    assert scores(Span(fit), [effect("push")], [[np.ones(N), push]]) == ()

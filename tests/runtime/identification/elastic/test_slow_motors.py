@@ -39,10 +39,8 @@ def slow_record(seed: int, tempo: float, stiffness: float) -> tuple[Model, Recor
     return model, Record(read, FS, "slow"), dict(zip(model.base_parameters, base.tolist(), strict=True))
 
 
-@pytest.mark.parametrize(
-    ("seed", "tempo", "stiffness"),
-    [(0, 0.3, 3800.0), pytest.param(0, 0.25, 2500.0, marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "tempo", "stiffness"), [(0, 0.3, 3800.0), (0, 0.25, 2500.0)])
 def test_springs_of_motors_alone_are_no_softer_than_slow_motion_says(
     seed: int, tempo: float, stiffness: float
 ) -> None:

@@ -181,7 +181,7 @@ def test_a_gain_of_a_part_in_a_million_is_none(monkeypatch: pytest.MonkeyPatch) 
         assert (searching()._freed(GAIN) is not None) == known
 
 
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", [0, pytest.param(3, marks=pytest.mark.slow)])
 def test_a_force_that_one_record_takes_for_friction_is_seen_in_another(seed: int) -> None:
     loaded = model_of(TWO.replace('coulomb = "F_sl"', 'coulomb = "F_sl", offset = "F_0"'), "both")
     truth, noise = {**TRUTH, "F_0": 0.15}, {"q_m": 1e-6, "q_l": 1e-6, "T": 2e-3}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+import pytest
 
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import IV
@@ -54,6 +55,7 @@ def test_noise_behind_a_high_cutoff_does_not_hide_it() -> None:
     assert found.bse["F_vm"] < 0.04 * TRUTH["F_vm"]
 
 
+@pytest.mark.slow
 def test_a_band_that_was_given_stays_and_one_that_noise_drowns() -> None:
     given = identify(SMALL, sines(1e-3), IV(), Filters(direction_cutoff_hz=167.0))
     assert given.fit.filtering.direction_cutoff_hz == 167.0

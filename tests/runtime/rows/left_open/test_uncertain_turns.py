@@ -67,6 +67,7 @@ def along(of: int, noise: bool) -> Record:
     return record_along(models()[of], moved, noise=None if noise else QUIET)
 
 
+@pytest.mark.slow
 def test_reversals_that_a_low_pass_moves_over_a_sample_move_no_parameter() -> None:
     model, values = models()[0], ARM.parameter_sets["nominal"]
     exact = dict(zip(model.base_parameters, model.base_from_physical(values), strict=True))

@@ -124,7 +124,7 @@ def test_one_elastic_joint_moves_as_the_chain_of_motor_and_body(friction: float,
     assert (len(found.changes) > 2) == (friction > 0.0)
 
 
-@pytest.mark.parametrize("law", ["pd", "computed_torque"])
+@pytest.mark.parametrize("law", ["pd", pytest.param("computed_torque", marks=pytest.mark.slow)])
 def test_two_links_move_as_an_integrator_says(law: str) -> None:
     model, values = two_link()
     values = {**values, "Fs_1": 0.0, "Fs_2": 0.0}
