@@ -19,6 +19,8 @@ Response = Callable[[FloatArray], ComplexArray]
 # form of friction. Rows know directions from a low-passed velocity only, and are no more exact than that.
 DIRECTION, REVERSAL = "direction", "reversal"
 AT_REVERSALS = (DIRECTION, REVERSAL)
+# Kinds of forces on bodies.
+FORCES = ("constant", "force")
 # Kinds of low-passes that a channel has gone through and the others have not; one of two poles has its delay
 # in it, which the others leave to an effect of its own.
 TWO_POLES = "two poles"

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.effect import FORCES, Effect
 from modelgen.runtime.iv.thresholds import (
     CANCELLED,
     LARGEST_SHARE,
@@ -89,9 +89,10 @@ def scores(span: Span, effects: Sequence[Effect], grown: Sequence[Sequence[Float
     fit, slope, r = span.fit, span.slope, span.left
     told = span.compared(grown, r)
     apart = told.power > LEAST_OWN_SHARE * told.whole
-    seen = np.flatnonzero(
-        apart | [not one and span.tells(column) for one, column in zip(apart, grown, strict=True)]
-    )
+    # a force may be friction to all records but one, and have taken the weight of that
+    forces = [effect.kind in FORCES for effect in effects]
+    tried = zip(apart.tolist(), forces, grown, strict=True)
+    seen = np.flatnonzero([one or (force and span.tells(column)) for one, force, column in tried])
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit, grown=False)), 0.0))
     critical = normal_beyond(0.5 * LEVEL / max(len(seen), 1))
     largest = span.largest_overlooked

@@ -21,7 +21,7 @@ from modelgen.runtime.identification.explanation.other_weights import other_weig
 from modelgen.runtime.identification.explanation.search import Search, left_of, likely_of
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import KNOWN_INSTANT, OVER_NOISE
-from modelgen.runtime.iv.effect import DIRECTION, Effect
+from modelgen.runtime.iv.effect import DIRECTION, FORCES, Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.other_explanations import Looked, other_explanations
@@ -36,9 +36,6 @@ from modelgen.runtime.rows.observation import Observation
 
 # Kinds of effects that say when something is read, or changes.
 TIMING = (DIRECTION, "delay")
-# Those that steps in physical parameters estimate as well: forces on bodies. Timings, low-passes and further
-# masses look like a command that is held, which is asked afterwards, or like damping of unseen bodies.
-FREED_KINDS = ("constant", "force")
 
 
 def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) -> Explained:
@@ -63,7 +60,9 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
         drift, shown = _held(job, now.fit, seen.found)
         told = tuple(left_of(one, shown) for one in shown[:1])
         search = replace(search, drift=drift, advice=told, ended=True)
-        first = next((one for one in shown if one.effect.kind in FREED_KINDS), None)
+        # timings, low-passes and further masses look like a command that is held, which is asked afterwards,
+        # or like damping of unseen bodies
+        first = next((one for one in shown if one.effect.kind in FORCES), None)
         return replace(_concluded(search, seen, labels), shown=first)
     while not search.ended:
         search = search.step(seen)
