@@ -104,6 +104,8 @@ def effect_rows(
 
     `sizes` are those to which the first effects are set right in the channels.
     """
+    if not effects:
+        return ()
     reads, every = channels_of_keys(setting.model), _mismatch_terms(fit, setting)
 
     def of(record: int) -> list[dict[int, FloatArray]]:

@@ -190,7 +190,7 @@ def _with_columns(
     """Return the fit with a column for each delay's step and each effect's size, and their instruments."""
     # a late force is set right by its step; an effect stays in the rows
     extra, further = ([*(steps_of(rates) for rates in one[:late]), *one[late:]] for one in grown)
-    more = added(plain, grown[0][late:], sizes)
+    more = _added(plain, grown[0][late:], sizes)
     residuals = tuple(residual - own for residual, own in zip(plain.residuals, more, strict=True))
     return with_columns(weighed(replace(plain, residuals=residuals)), Z, extra, further)
 
@@ -209,13 +209,17 @@ def _alone(
 
 def _without(larger: Fit, plain: Fit, grown: Grown, sizes: FloatArray) -> Fit:
     """Return the fit to the columns alone: effects subtracted from Y, further columns projected out."""
-    parts = zip(plain.blocks, added(plain, grown[len(grown) - len(sizes) :], sizes), strict=True)
-    blocks = tuple(replace(block.kept(), Y=block.Y - more) for block, more in parts)
-    return without_columns(larger, replace(plain, blocks=blocks))
+    return without_columns(larger, less_effects(plain, grown[len(grown) - len(sizes) :], sizes))
 
 
-def added(plain: Fit, effects: Grown, sizes: FloatArray) -> list[FloatArray]:
-    """Return what effects of these sizes add to each block, in the unit of its row, shape (n,)."""
+def less_effects(plain: Fit, effects: Grown, sizes: FloatArray) -> Fit:
+    """Return a fit whose Y, in units of rows, lacks what effects of these sizes, shape (effects,), add."""
+    parts = zip(plain.blocks, _added(plain, effects, sizes), strict=True)
+    return replace(plain, blocks=tuple(replace(block.kept(), Y=block.Y - more) for block, more in parts))
+
+
+def _added(plain: Fit, effects: Grown, sizes: FloatArray) -> list[FloatArray]:
+    """Return what effects of these sizes add to each block, shape (n,)."""
     found = [np.zeros(block.count) for block in plain.blocks]
     for parts, size in zip(effects, sizes.tolist(), strict=True):
         found = [more + size * part for more, part in zip(found, parts, strict=True)]

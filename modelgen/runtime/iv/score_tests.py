@@ -222,18 +222,22 @@ class Span:
         Blocks of one row have that of the largest: what the effect leaves in one record may have taken its
         weight, and to the others it may be a column.
         """
-        fit, most = self.fit, dict[int, float]()
-        for block, weight in zip(fit.blocks, fit.weights, strict=True):
-            most[block.row] = max(most.get(block.row, 0.0), weight)
-        parts = [weight * part for weight, part in zip(fit.weights, column, strict=True)]
+        parts = [weight * part for weight, part in zip(self.fit.weights, column, strict=True)]
         own = np.split(self.apart(np.concatenate(parts)), np.cumsum([len(part) for part in parts])[:-1])
-        larger = [
-            (most[block.row] / weight) ** 2 for block, weight in zip(fit.blocks, fit.weights, strict=True)
-        ]
         left, whole = (
-            sum(more * (one @ one) for more, one in zip(larger, every, strict=True)) for every in (own, parts)
+            sum(more * (one @ one) for more, one in zip(self._larger, every, strict=True))
+            for every in (own, parts)
         )
         return bool(left > LEAST_OWN_SHARE * whole)
+
+    @cached_property
+    def _larger(self) -> list[float]:
+        """By how much the square of each block's weight grows to that of the largest of its row."""
+        most: dict[int, float] = {}
+        pairs = list(zip(self.fit.blocks, self.fit.weights, strict=True))
+        for block, weight in pairs:
+            most[block.row] = max(most.get(block.row, 0.0), weight)
+        return [(most[block.row] / weight) ** 2 for block, weight in pairs]
 
     def compared(self, grown: Sequence[Sequence[FloatArray]], residual: FloatArray) -> Compared:
         """Compare effects, one array a block, with the regressors, and a residual apart from these, (r,)."""

@@ -82,10 +82,8 @@ def settled_with(
     fit = _tried(job, kernel, point)
     if fit is None:
         return None
-    damping, left = (
-        0.0,
-        np.inf if not np.any(point[columns_of(fit, job.model)]) else _left_at(job, fit, point),
-    )
+    damping, begun = 0.0, bool(np.any(point[columns_of(fit, job.model)]))
+    left = _left_at(job, fit, point) if begun else np.inf
     for _ in range(steps):
         if fit.count * (left - left_by(fit, held_values(fit, job.model, point, held))) < SETTLED:
             break

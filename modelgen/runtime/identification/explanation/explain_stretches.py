@@ -21,7 +21,13 @@ from modelgen.runtime.identification.explanation.explain_residual import (
     timing_moves,
     with_timing,
 )
-from modelgen.runtime.identification.explanation.explained import Begun, Explained, begun_with, run_method
+from modelgen.runtime.identification.explanation.explained import (
+    Begun,
+    Explained,
+    begun_with,
+    run_method,
+    with_carried_effects,
+)
 from modelgen.runtime.identification.explanation.look_at_residual import look
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, WLS, Method
@@ -120,7 +126,9 @@ def _with_effects(task: Task, plain: Explained, told: Explained, record_of: list
     effects, job = _of_records(told.effects, record_of, len(task.records)), task.job
     try:
         if plain.fit.carried is not None:
-            found = _with_carried_effects(task, plain.fit, effects, told.sizes)
+            begin = plain.fit.physical(job.model.parameters)
+            job = replace(job, effects=effects, sizes=told.sizes, begin=begin)
+            found = with_carried_effects(job, _from_near(job, plain.fit, task.method))
         else:
             effects, freed = fit_in_shape(job.setting(), job.calm, plain.fit, effects, (), job.sharpened)
             found = Explained(freed.observation, freed.fit, effects, freed.sizes, told.drift, ())
@@ -129,16 +137,6 @@ def _with_effects(task: Task, plain: Explained, told: Explained, record_of: list
         more = np.outer(move, move)
         return replace(plain, drift=told.drift + more, unsolved=told.unsolved + more)
     return replace(found, drift=told.drift, unsolved=told.unsolved)
-
-
-def _with_carried_effects(
-    task: Task, near: Fit, effects: tuple[Effect, ...], sizes: tuple[float, ...]
-) -> Explained:
-    """Return a fit of whole records in physical parameters with effects, which its steps estimate as well."""
-    job = replace(task.job, effects=effects, sizes=sizes, begin=near.physical(task.model.parameters))
-    found = _from_near(job, near, task.method)
-    carried = found.fit.carried
-    return replace(found, effects=effects, sizes=tuple(size for size, _ in carried.sizes) if carried else ())
 
 
 def _known_better(job: Job, plain: Explained, held: Score | None) -> FloatArray:

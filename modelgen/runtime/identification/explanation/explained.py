@@ -14,7 +14,7 @@ from modelgen.runtime.diagnostics.row_noise import exceeding_noise, row_noise
 from modelgen.runtime.filter_choice.signal_to_noise import noise_band
 from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import LEFT_SHARE, OVER_NOISE
+from modelgen.runtime.identification.thresholds import LEFT_SHARE, OVER_NOISE, ZERO_APART
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.rows.observation import Observation
 
@@ -89,6 +89,23 @@ def begun_with(task: Task, found: Explained) -> Begun:
     """Return a task with what was found, whose effects are estimated with other filters as well."""
     job = replace(task.job, effects=found.effects, sizes=found.sizes)
     return Begun(replace(task, job=job), found)
+
+
+def with_carried_effects(job: Job, found: Explained) -> Explained:
+    """Return a fit in physical parameters with the effects that were estimated with these, if any were."""
+    from modelgen.runtime.iv.told_effects import estimated
+
+    carried = found.fit.carried
+    if carried is None or not carried.sizes:
+        return found
+    known = [size if one.edit else 0.0 for one, size in zip(job.effects, job.all_sizes, strict=True)]
+    sizes = tuple(size + more for size, (more, _) in zip(known, carried.sizes, strict=True))
+    told = tuple(
+        estimated(effect, size, ())
+        for effect, size, (_, std) in zip(job.effects, sizes, carried.sizes, strict=True)
+        if abs(size) > ZERO_APART * std
+    )
+    return replace(found, effects=job.effects, sizes=sizes, advice=(*told, *found.advice))
 
 
 def with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:

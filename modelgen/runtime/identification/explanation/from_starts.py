@@ -22,6 +22,7 @@ from modelgen.runtime.identification.explanation.explained import (
     exceeding,
     gained,
     run_method,
+    with_carried_effects,
 )
 from modelgen.runtime.identification.explanation.simulated_directions import (
     explained_with_directions,
@@ -32,7 +33,7 @@ from modelgen.runtime.identification.explanation.wider_directions import with_wi
 from modelgen.runtime.identification.job import Change, Job
 from modelgen.runtime.identification.methods import IV
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import SHOWN_EFFECTS, ZERO_APART
+from modelgen.runtime.identification.thresholds import SHOWN_EFFECTS
 from modelgen.runtime.iv.freed_effects import Freed, corrected, fit_with_effects
 from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS
 from modelgen.runtime.iv.told_effects import estimated
@@ -152,7 +153,7 @@ def with_shown_effects(begun: Begun) -> Begun:
     is left. Other fits have theirs already.
     """
     for _ in range(SHOWN_EFFECTS):
-        shown, found = begun.found.shown, _with_carried(begun.task.job, begun.found)
+        shown, found = begun.found.shown, with_carried_effects(begun.task.job, begun.found)
         known = {effect.name for effect in found.effects}
         if shown is None or shown.effect.name in known or not exceeding(begun):
             break
@@ -166,19 +167,4 @@ def with_shown_effects(begun: Begun) -> Begun:
         if again.found.fit.carried is None or gained(begun, again) < AS_GOOD:
             break
         begun = again
-    return begun_with(begun.task, _with_carried(begun.task.job, begun.found))
-
-
-def _with_carried(job: Job, found: Explained) -> Explained:
-    """Return a fit in physical parameters with the effects that were estimated with these, if any were."""
-    carried = found.fit.carried
-    if carried is None or not carried.sizes:
-        return found
-    known = [size if one.edit else 0.0 for one, size in zip(job.effects, job.all_sizes, strict=True)]
-    sizes = tuple(size + more for size, (more, _) in zip(known, carried.sizes, strict=True))
-    told = tuple(
-        estimated(effect, size, ())
-        for effect, size, (_, std) in zip(job.effects, sizes, carried.sizes, strict=True)
-        if abs(size) > ZERO_APART * std
-    )
-    return replace(found, effects=job.effects, sizes=sizes, advice=(*told, *found.advice))
+    return begun_with(begun.task, with_carried_effects(begun.task.job, begun.found))

@@ -76,21 +76,21 @@ def explained_with_directions(begun: Begun, before: Begun | None = None) -> Begu
     that is left then, and hides what else is missing. Directions are made anew where what was found explains
     some of the residual, more than a fit `before` without effects left, and are kept where that leaves less.
     """
-    told, before = with_residual_explained(begun), before or begun
+    told, before = _explained(begun), before or begun
     for _ in range(TURNED_ROUNDS):
         fit, records = told.found.fit, told.task.job.records
         gain = left_a_sample(before.found.fit) - left_a_sample(fit)
         if gain < TURNED_GAIN or not any(brings_directions(told.task.model, one) for one in records):
             break
         again = _turned_anew(begun.task, told)
-        again = again and with_residual_explained(with_note(again, SIMULATED, begun.found.drift))
+        again = again and _explained(with_note(again, SIMULATED, begun.found.drift))
         if again is None or left_a_sample(again.found.fit) > left_a_sample(fit):
             break
         told, before = again, told
     return told
 
 
-def with_residual_explained(begun: Begun) -> Begun:
+def _explained(begun: Begun) -> Begun:
     """Return what the residual of instruments says, with the drift that there was."""
     job, found = begun.task.job, begun.found
     told = explained(job, found_by(job, found.observation, found.fit), found.fit)

@@ -15,7 +15,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.iv.divergence import simulation_failed
 from modelgen.runtime.iv.effect_rows import effect_rows, followed_records, simulated_with
-from modelgen.runtime.iv.freed_effects import Grown, added, corrected, quiet_rows
+from modelgen.runtime.iv.freed_effects import Grown, corrected, less_effects, quiet_rows
 from modelgen.runtime.iv.instrumental_variables import Setting, instruments, simulated
 from modelgen.runtime.iv.physical.friction_rows import (
     adds_friction,
@@ -159,21 +159,13 @@ def _with_instruments(
     quiet = quiet_rows(fit, setting, beside, effects, grown)
     # what can be set right in the channels is; the rows have the others
     left = np.where([effect.edit is not None for effect in effects], 0.0, sizes)
-    fit = _without(fit, grown, left)
+    fit = less_effects(fit, grown, left) if left.any() else fit
     if not friction:
         return _with_residuals(fit), Z, grown, quiet
     Z = instruments_with_friction(Z, fit, setting, beside, values)
     # a weak feedback damps the chain, and bodies then turn and stick elsewhere than in the records
     close = followed_records(beside, fit, setting)
     return _with_residuals(with_friction(fit, setting, close, values)), Z, grown, quiet
-
-
-def _without(fit: Fit, grown: Grown, sizes: FloatArray) -> Fit:
-    """Return a fit whose Y lacks what effects of these sizes add."""
-    if not sizes.any():
-        return fit
-    parts = zip(fit.blocks, added(fit, grown, sizes), strict=True)
-    return replace(fit, blocks=tuple(replace(block.kept(), Y=block.Y - more) for block, more in parts))
 
 
 def _joined(fit: Fit, columns: Sequence[Sequence[FloatArray]]) -> list[FloatArray]:
