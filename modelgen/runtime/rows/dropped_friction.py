@@ -107,13 +107,14 @@ def felt_forces(model: Model, values: Mapping[str, float]) -> tuple[FloatArray, 
     shows = _shown_motion(model)
     found = []
     for weights in mismatch_terms(model, model.base_from_physical(values)):
-        taken = np.zeros((2, n))
-        for signal in model.signals:
-            if signal.key in weights and signal.sensor in shows:
-                motion, order = shows[signal.sensor]
-                order += signal.derivative
-                taken = np.pad(taken, ((0, max(order + 1 - len(taken), 0)), (0, 0)))
-                taken[order] += weights[signal.key] * motion
+        seen = [
+            (shows[signal.sensor][1] + signal.derivative, weights[signal.key] * shows[signal.sensor][0])
+            for signal in model.signals
+            if signal.key in weights and signal.sensor in shows
+        ]
+        taken = np.zeros((max([2, *(order + 1 for order, _ in seen)]), n))
+        for order, motion in seen:
+            taken[order] += motion
         P = np.zeros((len(taken), n))
         for k in range(len(taken) - 3, -1, -1):
             # of a body that has lost its inertia it is not finite, and refused where it enters rows

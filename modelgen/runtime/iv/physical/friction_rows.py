@@ -250,8 +250,18 @@ def _felt_rates(model: Model, values: Mapping[str, float]) -> tuple[FloatArray, 
 
 def _in_base(slope: FloatArray, model: Model, values: Mapping[str, float]) -> FloatArray:
     """Return G with G db/dp = slope, both (orders, ...), the smallest by sizes of the base parameters."""
-    size = np.array([abs(values[name]) or 1.0 for name in model.parameters])
-    jacobian = model.base_jacobian(values) * size
+    size, inverse, weight = _base_inverse(model, tuple(values.items()))
+    return np.asarray((slope * size) @ inverse / weight)
+
+
+@lru_cache(maxsize=1)  # of every block and body of a step
+def _base_inverse(
+    model: Model, values: tuple[tuple[str, float], ...]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return sizes s (p,) and w (c,) of physical and base parameters, the inverse (p, c) of db/dp s / w."""
+    known = dict(values)
+    size = np.array([abs(known[name]) or 1.0 for name in model.parameters])
+    jacobian = model.base_jacobian(known) * size
     weight = np.linalg.norm(jacobian, axis=1)
     weight[weight == 0.0] = 1.0
-    return np.asarray((slope * size) @ np.linalg.pinv(jacobian / weight[:, None]) / weight)
+    return size, np.asarray(np.linalg.pinv(jacobian / weight[:, None])), weight
