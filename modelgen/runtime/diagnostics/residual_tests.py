@@ -6,6 +6,7 @@ the most of periodic records: noise differs from period to period, what the mode
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -47,7 +48,7 @@ class Correlation:
     @property
     def significant(self) -> bool:
         """Whether it is more than noise, and large enough to matter."""
-        return abs(self.value) > self.bound and self.value**2 > LEAST_EXPLAINED
+        return abs(self.value) > self.bound and abs(self.value) > math.sqrt(LEAST_EXPLAINED)
 
 
 @dataclass(frozen=True)

@@ -70,14 +70,14 @@ class SavedEstimate:
     noise_covariance: Matrix = ()
     drift_covariance: Matrix = ()
     printed_covariance: Matrix = ()
-    covariance_kind: str = ""
+    covariance_kind: Literal["hac", "printed"] = "hac"
     nobs: int = 0
     condition_number: float = math.nan
     condition_number_raw: float = math.nan
     relative_error: float = math.nan
     error_norm: float = math.nan
     sigma: float = math.nan
-    residual_dof: str = ""
+    residual_dof: Literal["r-c", "r-1"] = "r-c"
     delays: Numbers = field(default_factory=dict)
     delay_std: Numbers = field(default_factory=dict)
     rows: tuple[RowDiagnostics, ...] = ()

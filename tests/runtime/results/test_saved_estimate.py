@@ -216,6 +216,19 @@ def test_anything_anywhere_is_an_estimate_or_explained(saved: dict[str, Any], da
     assert estimate.answer()
 
 
+@pytest.mark.parametrize("key", ["covariance_kind", "residual_dof"])
+def test_a_word_of_the_format_that_is_another_one_is_refused(saved: dict[str, Any], key: str) -> None:
+    with pytest.raises(DataError, match=key):
+        Estimate.from_dict({**saved, key: "r"})
+
+
+def test_a_correlation_beyond_all_numbers_is_printed(saved: dict[str, Any]) -> None:
+    document = copy.deepcopy(saved)
+    tested = next(one for one in document["checks"]["residuals"] if one["correlation"])
+    tested["correlation"]["value"] = 1e300
+    assert "Residual tests" in Estimate.from_dict(document).summary()
+
+
 def test_infinite_ratios_come_back(saved: dict[str, Any]) -> None:
     estimate = Estimate.from_dict(saved)
     zero = replace(estimate.parameters.identified[0], value=0.0)
