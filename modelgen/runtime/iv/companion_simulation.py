@@ -55,27 +55,25 @@ REFERENCE = "reference"
 
 @dataclass(frozen=True, eq=False)
 class Further:
-    """Position (order 0) or velocity (1), SI, shape (n,), and its noise in unit^2/Hz.
+    """Position (order 0), velocity (1) or acceleration (2), SI, shape (n,), and its noise in unit^2/Hz.
 
-    Its `own` sensor reads it, or all sensors show it as far as links carry it to them, noise left out.
+    A body's own sensor reads it, or all sensors show it as far as links carry it to them, noise left out.
     """
 
     motion: FloatArray
     order: int
     noise: float
-    own: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Led:
     """The speed of a body as it was in the measured record, SI, shape (n,).
 
-    `away` is by how far its position was elsewhere than simulated, and the noise of that, rms, where an
-    encoder reads it.
+    `away` is by how much more than simulated its own sensor of lowest order read, if it has one.
     """
 
     speed: FloatArray
-    away: tuple[FloatArray, float] | None = None
+    away: Further | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,29 +113,36 @@ class Simulated:
         model = self.plant.model
         return mismatch_terms(model, model.base_from_physical(self.plant.parameters))
 
+    def away(self, body: str, record: Record) -> Further | None:
+        """Return by how much more than in the simulation a body's own sensor of lowest order reads."""
+        read = record.signals
+        own = [one for one in self.plant.model.sensors if one.body == body and one.key in read]
+        if not own:
+            return None
+        sensor = min(own, key=lambda one: one.order)
+        noise = record.facts.spectrum(sensor.key).noise
+        return Further(read[sensor.key] - self.record.signals[sensor.key], sensor.order, noise)
+
     def further(self, body: str, record: Record) -> Further | None:
         """Return by how much further than in the simulation a body moves in a record, None if unknown.
 
         What its own sensor of position or velocity reads shows it; else all sensors do, by what links
         carry of its motion to them.
         """
-        plant, read = self.plant, record.signals
-        own = [one for one in plant.model.sensors if one.body == body and one.order < 2 and one.key in read]
-        nearest, gear = nearest_sensor(plant, body, record)
-        sensor = min(own, key=lambda one: one.order, default=nearest)
+        own = self.away(body, record)
+        if own is not None and own.order < 2:
+            return own
+        sensor, gear = nearest_sensor(self.plant, body, record)
         if sensor.order == 2:
             return None
-        away = read[sensor.key] - self.record.signals[sensor.key]
-        if own:
-            noise = record.facts.spectrum(sensor.key).noise
-            return Further(away, sensor.order, noise, own=True)
+        away = record.signals[sensor.key] - self.record.signals[sensor.key]
         if not away.any():
             return None
         speeds = self._smoothed(record)
         if speeds is None:
             return None
         mean = away.mean() if sensor.order else (away[-1] - away[0]) / (record.dt * (record.n - 1))
-        return Further(speeds[plant.bodies.index(body)] + gear * float(mean), 1, 0.0)
+        return Further(speeds[self.plant.bodies.index(body)] + gear * float(mean), 1, 0.0)
 
     def _smoothed(self, record: Record) -> FloatArray | None:
         # all bodies of a record are asked for, one after the other
@@ -266,14 +271,13 @@ class _LedBodies(dict[str, Led]):
 
     def _found(self, simulated: Simulated, body: str, record: Record) -> Led:
         speed, shown = simulated.motion[f"v_{body}"], simulated.further(body, record)
+        away = simulated.away(body, record)
         if shown is None:
-            return Led(speed)
+            return Led(speed, away)
         further = zero_phase(shown.motion, LED_ORDER, simulated.led_hz, record.fs)
         # a body that sticks has no direction: noise must not give it one
         moving = np.abs(speed) > AT_REST * np.max(np.abs(speed))
         change = further if shown.order else differentiate(further, record.dt)
-        read = shown.own and shown.order == 0
-        away = (further, float(np.sqrt(shown.noise * simulated.led_hz))) if read else None
         return Led(speed + np.where(moving, change, 0.0), away)
 
 

@@ -20,6 +20,12 @@ HIGHEST_LED = 0.4
 # Deflections are read from encoders whose noise has less than this share of their power: a spring that
 # stiffens with d^3 comes out wrong by three times that share of its stiffness.
 UNCLEAR = 1e-4
+# They are read from noisier sensors, too, where that noise has less than this share of the power of what they
+# read beyond a simulation: that is farther off then. Speeds and accelerations are integrated from these
+# shares on of the frequency up to which a feedback sees a record: the lowest at which noise is as little.
+FAR_OFF, INTEGRATED_FROM = 0.05, (0.06, 0.125, 0.25, 0.5, 1.0)
+# What a link that bends by its form gives less in slow motion is found in so many half steps.
+GIVEN_ROUNDS = 6
 # A share of a body in a deflection below this one of the largest is rounding.
 ROUNDED = 1e-9
 # What is followed may differ by at the ends of a stretch for looking no further; relative. Stretches have so

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import pytest
 from modelgen.array_types import FloatArray
 from modelgen.cli.candidates import spec_model
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.iv.companion_simulation import Simulated, simulated_beside
@@ -18,6 +21,7 @@ from modelgen.runtime.iv.freed_effects import fit_with_effects
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.pushed_chain import Pushed, deflection_of
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.plant import make_plant
 from modelgen.runtime.simulation.simulate import simulate
@@ -104,6 +108,66 @@ def test_what_sticks_has_no_direction_from_noise() -> None:
     still = simulated_beside(PLAIN, TRUTH, Record(rest, FS, "rest", "rest"), choice)
     held = np.abs(still.led["m"].speed) < 1e-12
     assert np.mean(held) > 0.9
+
+
+def seen_by(sensors: dict[str, tuple[str, str]], more: str = "") -> Model:
+    """The chain behind other sensors: what each is mounted on and measures."""
+    listed = [f'{key} = {{ body = "{body}", measures = "{what}" }}' for key, (body, what) in sensors.items()]
+    text = TEXT[: TEXT.index("[sensors.s]")].replace('damping = "D"', 'damping = "D"' + more)
+    return spec_model(parse_spec("\n".join([text, "[sensors.s]", *listed, ""]), "seen.toml"), "s")
+
+
+TACHOMETER = {"v_m": ("m", "velocity"), "q_c": ("c", "position")}
+ACCELEROMETER = {"q_m": ("m", "position"), "a_c": ("c", "acceleration")}
+
+
+@cache
+def bent(stiffer: float) -> Record:
+    """A chirp of a chain whose spring is so much stiffer at a deflection of 0.002 rad."""
+    cubic = stiffer * TRUTH["K"] / 0.002**2
+    every = {**TACHOMETER, **ACCELEROMETER}
+    stiffening = seen_by(every, '\nstiffness3 = "K3"')
+    return simulate(stiffening, {**TRUTH, "K3": cubic}, "chirp", fs=FS, duration_s=1.5, oversample=4).record
+
+
+def noisy(
+    record: Record, sensors: Iterable[str], zeros: Mapping[str, float] = MappingProxyType({})
+) -> Record:
+    rng = np.random.default_rng(1)
+    noise = {**NOISE, "v_m": 2e-3, "a_c": 2.0}
+    read = {
+        key: record.signals[key] + zeros.get(key, 0.0) + noise[key] * rng.standard_normal(record.n)
+        for key in (*sensors, "Gamma_m")
+    }
+    return Record(read, FS, "chirp", "chirp")
+
+
+@pytest.mark.parametrize("sensors", [TACHOMETER, ACCELEROMETER], ids=["tachometer", "accelerometer"])
+def test_speeds_and_accelerations_tell_how_far_a_spring_bends(sensors: dict[str, tuple[str, str]]) -> None:
+    record, model = bent(0.5), seen_by(sensors)
+    true = record.signals["q_m"] - record.signals["q_c"]
+    # a tachometer and an accelerometer have zeros, too
+    seen = noisy(record, sensors, {"v_m": 0.1, "a_c": 3.0})
+    (stiffens,) = (one for one in effects_of(model, ("m", "c"), (seen,)) if one.name == "stiffening of K")
+    one = simulated_beside(model, TRUTH, seen, choose_filter(model, (seen,)))
+    for key in sensors:
+        expected = Pushed(one, np.array([1.0, -1.0]), -(true**3))[key]
+        found = stiffens.added(one, 0.5 * TRUTH["K"] / 0.002**2)[key]
+        assert away(found, expected) < 0.1
+        assert away(stiffens.changes(without_encoders(one))[key], expected) > 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sensors", [TACHOMETER, ACCELEROMETER], ids=["tachometer", "accelerometer"])
+def test_a_spring_that_stiffens_severely_is_named_and_known(sensors: dict[str, tuple[str, str]]) -> None:
+    model = seen_by(sensors)
+    estimate = identify(model, noisy(bent(0.5), sensors))
+    assert any("K between m and c stiffens" in one.what for one in estimate.checks.advice)
+    found = {one.name: one for one in estimate.parameters.physical}
+    assert found.keys() == TRUTH.keys()
+    for name, one in found.items():
+        assert abs(one.value - TRUTH[name]) < 3.0 * one.std
+    assert found["K"].std < 0.03 * TRUTH["K"]
 
 
 @pytest.mark.slow

@@ -233,8 +233,9 @@ def simulated_pair(scale: float) -> tuple[Simulated, Simulated]:
     motion = {key: scale * samples for key, samples in one.motion.items()}
     led = {}
     for body in one.plant.bodies:
-        speed, (samples, noise) = one.led[body].speed, one.led[body].away or (np.zeros(record.n), 0.0)
-        led[body] = Led(scale * speed, (scale * samples, scale * noise))
+        speed, away = one.led[body].speed, one.led[body].away
+        assert away is not None
+        led[body] = Led(scale * speed, replace(away, motion=scale * away.motion, noise=scale**2 * away.noise))
     return one, replace(one, motion=motion, led=led)
 
 
