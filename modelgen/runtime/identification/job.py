@@ -42,9 +42,10 @@ class Job:
     an observation of the records with the same filter for directions, or nothing. `effects` are what the
     model lacks and is estimated as well, from `sizes` on. Rows of least squares that take more than
     `memory_limit` bytes are made again whenever they are asked for. Instruments start at the physical
-    parameters `begin`, if there are any and no `start`. Least squares uses samples that feel a reversal only
-    with `turns`, instruments with `reversing`, or where few others are left; in `physical` steps they take
-    these as well where rows drop friction, which is added. `changes` are what was done to
+    parameters `begin`, if there are any and no `start`; where these are an estimate of nearly the same
+    records, with `known_delays` in s, they start nowhere else. Least squares uses samples that feel a
+    reversal only with `turns`, instruments with `reversing`, or where few others are left; in `physical`
+    steps they take these as well where rows drop friction, which is added. `changes` are what was done to
     the records that were given, in this order. The job of stretches has a `share` of the samples that are to
     be estimated from. `guessed` are directions in the records that neither a sensor nor the user gives.
     What rounding has moved in least squares is undone if they are `polished`. With `leave_open`, rows leave
@@ -67,6 +68,7 @@ class Job:
     sizes: tuple[float, ...] = ()
     memory_limit: float | None = None
     begin: Mapping[str, float] | None = None
+    known_delays: Mapping[str, float] | None = None
     turns: bool = True
     reversing: bool = False
     physical: bool = False

@@ -57,7 +57,7 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
             sized = zip(job.effects, job.all_sizes, strict=True)
             sizes = tuple(0.0 if one.edit else size for one, size in sized)
             setting = replace(setting, records=apart, effects=job.effects, sizes=sizes)
-        return fit_composites_iv(setting, dense, job.late, job.start, rules, job.begin)
+        return fit_composites_iv(setting, dense, job.late, job.start, rules, job.begin, job.known_delays)
 
     waiting = []
     if job.start is None or not job.start.delays:  # else there are samples that tell a delay

@@ -224,6 +224,11 @@ def simulation_parameters(
     base = fit.all_parameters(model.base_parameters)
     if model.is_arm:  # its sums say all that moves it
         return dict(zip(model.base_parameters, base.tolist(), strict=True))
+    if fit.carried is not None and fit.carried.at is not None:
+        known = dict(zip(model.parameters, fit.carried.at.tolist(), strict=True))
+        # unless something was taken off since: the way back from sums is long
+        if np.array_equal(model.base_from_physical(known), base):
+            return known
     if not model.composites:
         found = dict(model.physical_from_base(base))
     else:

@@ -36,8 +36,9 @@ HELD_STRETCH, HELD_REACHES, KEPT_STRETCHES = 1 << 16, 2, 4
 # noise of accelerations grows with the band to the power of five, and rows look at five times the motion's.
 ARM_SMOOTHING, ARM_SMOOTHING_ORDER = 2.0, 4
 
-# Gauss-Newton steps from one start, at most.
-COMPOSITE_ROUNDS = 25
+# Gauss-Newton steps from one start, at most; so many where the last come `NEARLY` to rest: another start
+# takes as many again.
+COMPOSITE_ROUNDS, CREEPING_ROUNDS = 25, 40
 # Rows are made white when a step moves nothing by more than this many standard deviations, or after so many:
 NEARLY, ROUGH_ROUNDS = 3.0, 8
 # Done when nothing moves by more than this share of its standard deviation, or of its value;

@@ -33,12 +33,15 @@ class CarriedOver:
         Physical parameters that cannot be told from the delays of forces.
     sizes : tuple of (float, float)
         Those of effects that were estimated as well, beyond what was taken off, and deviations.
+    at : array, shape (p,), optional
+        The physical parameters, SI, at which `linear` is linear: X is theirs.
     """
 
     linear: Fit
     series: tuple[FloatArray, ...]
     unknown: tuple[str, ...] = ()
     sizes: tuple[tuple[float, float], ...] = ()
+    at: FloatArray | None = None
 
 
 class FittedStretch(NamedTuple):

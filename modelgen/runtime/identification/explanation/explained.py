@@ -82,7 +82,8 @@ def begun_at(task: Task, known: Begun) -> Task:
     fit = known.found.fit
     if fit.carried is None or fit.carried.unknown:
         return task
-    return replace(task, job=replace(task.job, begin=fit.physical(task.model.parameters)))
+    delays, begin = delays_of(known), fit.physical(task.model.parameters)
+    return replace(task, job=replace(task.job, begin=begin, known_delays=delays))
 
 
 def begun_with(task: Task, found: Explained) -> Begun:

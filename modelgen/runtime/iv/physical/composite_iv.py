@@ -45,26 +45,37 @@ def fit_composites_iv(
     near: Fit | None = None,
     rules: Rules = PLAIN,
     begin: Mapping[str, float] | None = None,
+    known_delays: Mapping[str, float] | None = None,
 ) -> tuple[Observation, Fit]:
     """Estimate physical parameters and delays together, from the first start that leads anywhere.
 
     Robust weights begin where the estimate without them is, and bounds are not looked at where it keeps to
     them by itself; where it leads nowhere, both are tried from the start. `near` is such a fit at other
-    settings, `begin` a start that is tried before those of the records; else as `fit_physical_iv`.
+    settings, `begin` a start that is tried before those of the records, and in their place where it is an
+    estimate of nearly the same records with `known_delays`; else as `fit_physical_iv`.
     """
     model = setting.model
-    delays: Mapping[str, float] = dict.fromkeys(late, 0.0)
+    on_time: Mapping[str, float] = dict.fromkeys(late, 0.0)
     if near is not None and not near.absent:
-        found = fit_physical_iv(setting, rows, delays, _start_near(model, near), rules, settled=True)
+        found = fit_physical_iv(setting, rows, on_time, _start_near(model, near), rules, settled=True)
         return found.observation, found.fit
     first = fit_matched(rows(tuple(setting.records)))
     plain = replace(rules, robust=False, bounded=False)
+
+    def beginnings() -> Iterator[Beginning]:
+        if begin is not None:
+            yield begin, on_time
+        if begin is not None and known_delays is not None:
+            yield begin, {channel: known_delays.get(channel, 0.0) for channel in late}
+        else:
+            yield from _beginnings(setting, rows, late, first)
+
     try:
-        found = _first_found(setting, rows, _beginnings(setting, rows, late, first, begin), plain)
+        found = _first_found(setting, rows, beginnings(), plain)
     except IdentifiabilityError:
         if rules == plain:
             raise
-        found = _first_found(setting, rows, _beginnings(setting, rows, late, first, begin), rules)
+        found = _first_found(setting, rows, beginnings(), rules)
         return found.observation, found.fit
     delays = {channel: delay for channel, delay, _ in found.fit.delays}
     if rules.robust:
@@ -83,17 +94,13 @@ def _start_near(model: Model, near: Fit) -> Mapping[str, float]:
     return start if fitted is None or np.all(np.isfinite(list(start.values()))) else fitted
 
 
-def _beginnings(
-    setting: Setting, rows: Rows, late: tuple[str, ...], first: Fit, begin: Mapping[str, float] | None
-) -> Iterator[Beginning]:
+def _beginnings(setting: Setting, rows: Rows, late: tuple[str, ...], first: Fit) -> Iterator[Beginning]:
     """Yield where to begin, the cheapest first: parameters (SI) and delays of forces in s.
 
     Composites of forces that are late by samples are those of another chain, or of none: where the first
     start leads nowhere, that of the delay which leaves least is tried.
     """
     on_time = dict.fromkeys(late, 0.0)
-    if begin is not None:
-        yield begin, on_time
     near = near_composites(setting.model, first)
     cheap = cheap_starts(near, setting)
     responding = response_start(setting, near, late, cheap)

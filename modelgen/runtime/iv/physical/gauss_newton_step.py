@@ -234,5 +234,6 @@ def in_base_columns(step: GaussNewtonStep, now: Unknowns, rounds: int) -> Fit:
             step.linear,
             tuple(psi[:, :c] @ slope.T for psi in influence(white)),
             sizes=tuple(zip(now.sizes, effect_std.tolist(), strict=True)),
+            at=now.p,
         ),
     )

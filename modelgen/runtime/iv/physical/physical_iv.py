@@ -26,6 +26,7 @@ from modelgen.runtime.iv.physical.starting_values import vanished_names
 from modelgen.runtime.iv.thresholds import (
     COMPOSITE_MOVE,
     COMPOSITE_ROUNDS,
+    CREEPING_ROUNDS,
     FARTHEST,
     HOPELESS,
     LARGEST_STEP,
@@ -136,7 +137,7 @@ def fit_physical_iv(
         raise diverged(f"the records do not move what {', '.join(plain.absent)} needs", plain, model)
     # where directions of motion follow the estimate, white rows would hide what a wrong one leaves
     near = settled or not adds_friction(plain, setting)
-    for done in range(1, COMPOSITE_ROUNDS + 1):
+    for done in range(1, CREEPING_ROUNDS + 1):
         if (late or now.sizes) and done > 1:
             observation = rows(now.records(setting))
             plain = replace(plain, blocks=tuple(block for block in observation.blocks if block.place.size))
@@ -160,12 +161,15 @@ def fit_physical_iv(
             if late and fit.carried is not None:
                 fit = replace(fit, carried=replace(fit.carried, unknown=lost))
             return Found(observation, fit, now.p, x[:c], lost, _below_zero(model, x[:c], spread[:c]))
-        near = near or bool(np.all((np.abs(move) <= NEARLY * spread) | hopeless)) or done >= ROUGH_ROUNDS
+        nearly = bool(np.all((np.abs(move) <= NEARLY * spread) | hopeless))
+        if done >= COMPOSITE_ROUNDS and not nearly:
+            break
+        near = near or nearly or done >= ROUGH_ROUNDS
         if near and _linear(model, now, move, spread, rules):
             move = steps.combined(now.vector, move, spread)
         now = _moved(model, now, move, sample, rules)
         _refuse_led_away(_led_away(model, now.p, first, rules, FARTHEST))
-    raise _restless(model, x[:c], spread[:c])
+    raise _restless(model, x[:c], spread[:c], done)
 
 
 def _below_zero(model: Model, values: FloatArray, spread: FloatArray) -> float:
@@ -193,14 +197,14 @@ def _lost(setting: Setting, now: Unknowns, spread: FloatArray) -> tuple[str, ...
     return tuple(dict.fromkeys((*lost, *gone)))
 
 
-def _restless(model: Model, values: FloatArray, spread: FloatArray) -> IdentifiabilityError:
+def _restless(model: Model, values: FloatArray, spread: FloatArray, rounds: int) -> IdentifiabilityError:
     """Return the error of steps that do not come to rest, with the parameters that nothing holds."""
     loose = [name for name, one, std in zip(model.parameters, values, spread, strict=True) if std > abs(one)]
     if not loose:
-        return diverged(f"after {COMPOSITE_ROUNDS} rounds the physical parameters still move")
+        return diverged(f"after {rounds} rounds the physical parameters still move")
     return IdentifiabilityError.at(
         "method iv",
-        f"the records do not hold {', '.join(loose)}: after {COMPOSITE_ROUNDS} rounds they still move, with "
+        f"the records do not hold {', '.join(loose)}: after {rounds} rounds they still move, with "
         "standard deviations above their values",
         MORE,
     )

@@ -19,10 +19,10 @@ VALUES = np.arange(1.0, 1.0 + len(MODEL.parameters))
 
 def test_steps_without_rest_name_what_nothing_holds() -> None:
     spread = np.where(np.isin(MODEL.parameters, ("J_c", "K")), 2.0, 0.1) * VALUES
-    told = str(_restless(MODEL, VALUES, spread))
+    told = str(_restless(MODEL, VALUES, spread, 25))
     assert "the records do not hold J_c, K: " in told
     assert "--delay none" in told
-    assert "still move" in str(_restless(MODEL, VALUES, 0.1 * VALUES))
+    assert "still move" in str(_restless(MODEL, VALUES, 0.1 * VALUES, 25))
 
 
 def test_bodies_springs_and_delays_are_lost_by_their_size() -> None:
