@@ -57,17 +57,20 @@ def tree(text: str) -> ast.Module:
     return ast.parse(text)
 
 
-def functions(text: str) -> Iterator[tuple[str, Function]]:
+@cache
+def functions(text: str) -> tuple[tuple[str, Function], ...]:
     """Every function of a text, methods and nested ones too, with its qualified name."""
 
     def inside(node: ast.AST, prefix: str) -> Iterator[tuple[str, Function]]:
         for child in ast.iter_child_nodes(node):
+            if not isinstance(child, ast.stmt | ast.ExceptHandler | ast.match_case):
+                continue  # expressions hold none
             if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef):
                 yield prefix + child.name, child
             named = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
             yield from inside(child, f"{prefix}{child.name}." if named else prefix)
 
-    return inside(tree(text), "")
+    return tuple(inside(tree(text), ""))
 
 
 def is_kernel(path: str, function: Function) -> bool:
