@@ -77,6 +77,7 @@ INEXACT = {
     "average": 0.02,
     "force": 0.02,
     "form": 0.05,
+    "drift": 0.05,
     "mass": 0.05,
     "resonance": 0.02,
     "saturation": 0.02,

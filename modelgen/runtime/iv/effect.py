@@ -39,7 +39,8 @@ class Effect:
         "delay of q_c", unique.
     kind : str
         "delay", "direction", "reversal" (friction there), "lag", "average", "two poles", "clock", "gain",
-        "zero", "constant", "force", "form" (one of many, of friction or of a link), "mass" or "resonance":
+        "zero", "constant", "force", "form" (one of many, of friction or of a link), "drift", "mass" or
+        "resonance":
         how its size is said, and how exactly it is known.
     words, negative : str
         What is said of it where its size is positive, and negative; empty where that cannot be.
@@ -71,6 +72,10 @@ class Effect:
         estimated with it.
     moved : callable, optional
         (size, sizes of `shape`) -> the effect with its shape changed by so much.
+    varies : tuple of (str, float)
+        Physical parameters that are no one number then, and the rms of what they vary by per unit of size.
+    relative : bool
+        Whether they vary together, by shares of their values.
     """
 
     name: str
@@ -90,6 +95,8 @@ class Effect:
     acting: Callable[[Simulated, float], Simulated] | None = None
     shape: Callable[[int], tuple[Effect, ...]] = lambda records: ()
     moved: Callable[[float, Sequence[float]], Effect] | None = None
+    varies: tuple[tuple[str, float], ...] = ()
+    relative: bool = False
 
     def added(self, simulated: Simulated, size: float) -> Changes:
         """Return what is added to each channel per unit of further size, shape (n,) each."""
@@ -151,6 +158,8 @@ class Effect:
             return f"{words} ({100.0 * size:+.2g} %)"
         if self.kind == "zero":
             return f"{words} ({size:+.3g})"
+        if self.kind == "drift":
+            return f"{words} (by {100.0 * shown:.2g} %)" if self.relative else f"{words} (by {shown:.3g})"
         return words
 
 

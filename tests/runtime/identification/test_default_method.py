@@ -144,6 +144,30 @@ def test_a_force_that_is_no_straight_line_is_named_and_spoils_no_friction(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["Coulomb friction on m", "the gain of Gamma_m"])
+def test_what_changes_in_the_course_of_the_records_is_named_and_held(name: str) -> None:
+    right, calm = two_mass_records(), two_mass_records(noise=0.0)
+    rubs, share = (
+        name.startswith("Coulomb"),
+        {"Coulomb friction on m": 0.3, "the gain of Gamma_m": 0.05}[name],
+    )
+    every, start, changed = sum(record.n for record in right), 0, list[Record]()
+    for record, still in zip(right, calm, strict=True):
+        course = (start + np.arange(record.n)) / every - 0.5
+        speed, force = np.gradient(still.signals["q_m"]), record.signals["Gamma_m"]
+        moving = np.sign(speed) * (np.abs(speed) > 1e-3 * np.max(np.abs(speed)))
+        more = -TRUTH["F_sm"] * moving if rubs else force  # as much less force as friction falls by
+        changed.append(record.edited({"Gamma_m": force + share * course * more}))
+        start += record.n
+    estimate = identify(SMALL, changed)
+    assert any(f"{name} falls in the course of the records" in what for _, _, what in told(estimate))
+    assert_truth_inside(estimate, TRUTH)
+    for name in ("F_sm",) if rubs else ("J_m", "J_c", "K"):
+        assert estimate.bse[name] > 0.25 * share * TRUTH[name]  # a twelfth, and its root
+    assert estimate.bse["K"] < 0.02 * TRUTH["K"]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("zero", [1.0, -1.0])
 def test_zeros_apart_do_not_spoil_the_stiffness(zero: float) -> None:
     estimate = identify(SMALL, two_mass_records(zeros={"q_c": zero}))

@@ -18,7 +18,7 @@ from modelgen.runtime.identification.explanation.explained import Explained
 from modelgen.runtime.identification.explanation.folded_forces import forces_bend
 from modelgen.runtime.identification.explanation.look_at_residual import Seen, look
 from modelgen.runtime.identification.explanation.other_weights import other_weights
-from modelgen.runtime.identification.explanation.search import Search, left_of, likely_of
+from modelgen.runtime.identification.explanation.search import Search, left_of, likely_of, varied
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import KNOWN_INSTANT, OVER_NOISE
 from modelgen.runtime.iv.effect import DIRECTION, FORCES, Effect
@@ -88,6 +88,8 @@ def _concluded(search: Search, seen: Seen, labels: tuple[str, ...]) -> Explained
     found = [one for one, certain in zip(every, search.told(seen), strict=True) if certain]
     fit = replace(now.fit, notes=now.fit.notes + labels)
     unsolved = search.drift + apart
+    for effect, size in zip(effects, now.sizes, strict=True):
+        unsolved = unsolved + varied(search.job, fit, effect, size)
     drift = unsolved + weighed + unknown_timing(search.job, seen)
     advice = (*found, *search.advice, *told)
     return Explained(now.observation, fit, effects, now.sizes, drift, advice, search.held, unsolved)
@@ -111,7 +113,10 @@ def _held(job: Job, fit: Fit, found: Sequence[Score]) -> tuple[FloatArray, list[
     shown = [one for one in apart if one.matters]
     loud = bool(exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE))
     held = dict.fromkeys([*(shown or likely_of(found))[:1], *(apart[:1] if loud else ())])
-    drift = sum((np.outer(one.move, one.move) for one in held), np.zeros((len(fit.columns),) * 2))
+    drift = sum(
+        (np.outer(one.move, one.move) + varied(job, fit, one.effect, one.size) for one in held),
+        np.zeros((len(fit.columns),) * 2),
+    )
     return drift, shown
 
 

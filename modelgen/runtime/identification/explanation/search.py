@@ -29,6 +29,7 @@ from modelgen.runtime.identification.thresholds import (
 )
 from modelgen.runtime.iv.effect import AT_REVERSALS, LATE, LOW_PASSES, Effect
 from modelgen.runtime.iv.freed_effects import Freed
+from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.iv.shaped_effects import fit_in_shape
 from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS, LEVEL, LITTLE_OWN
@@ -125,7 +126,8 @@ class Search:
 
     def _holding(self, score: Score, *advice: Advice) -> Search:
         """Return the search at its end, with what a score moves in the intervals."""
-        drift = self.drift + np.outer(score.move, score.move)
+        varies = varied(self.job, self.now.fit, score.effect, score.size)
+        drift = self.drift + np.outer(score.move, score.move) + varies
         return replace(self, drift=drift, advice=(*self.advice, *advice), ended=True)
 
     def _tried(self, shown: Sequence[Score]) -> Iterator[tuple[Effect, tuple[Effect, ...], Freed]]:
@@ -240,6 +242,24 @@ class Search:
             drift=self.drift + np.outer(change, change),
             before=self.before | {_names(self.effects)},
         )
+
+
+def varied(job: Job, fit: Fit, effect: Effect, size: float) -> FloatArray:
+    """Return what parameters vary by that are no one number then, as a mean square in SI, shape (c, c)."""
+    ways = list[FloatArray]()
+    if not effect.varies:
+        return np.zeros((len(fit.solution.x),) * 2)
+    values = simulation_parameters(job.model, fit)
+    places = [job.model.base_parameters.index(name) for name in fit.columns]
+    slopes = job.model.base_jacobian(values)[places]
+    for name, rms in effect.varies:
+        if name not in job.model.parameters:
+            continue  # its value was given
+        by = size * rms * slopes[:, job.model.parameters.index(name)]
+        ways.append(by * values[name] if effect.relative else by)
+    if effect.relative:
+        ways = [np.sum(ways, axis=0)]
+    return np.asarray(sum(np.outer(by, by) for by in ways))
 
 
 def _names(effects: Sequence[Effect]) -> frozenset[str]:
