@@ -75,8 +75,8 @@ def _body_effects(body: str, named: Collection[str], turning: bool) -> Iterator[
             continue
         negative = f"{words} acts on {body}" if name in EITHER_SIGN else ""
         kind, said = KIND_OF.get(name, "form"), f"{words} acts on {body}"
-        changes = _friction(body, form)
-        yield Effect(f"{name} on {body}", kind, said, negative, "add it to the spec", changes)
+        changes, turns = _friction(body, form), body if ROLE_OF.get(name) == "coulomb" else ""
+        yield Effect(f"{name} on {body}", kind, said, negative, "add it to the spec", changes, turns=turns)
     words = f"more friction at low speed (Stribeck) acts on {body}"
     kind = REVERSAL if turning else "form"
     yield Effect(f"Stribeck friction on {body}", kind, words, "", "add it to the spec", _stribeck(body))

@@ -76,6 +76,8 @@ class Effect:
         Physical parameters that are no one number then, and the rms of what they vary by per unit of size.
     relative : bool
         Whether they vary together, by shares of their values.
+    turns : str
+        Body about whose reversals it is not known, as Coulomb friction holds there what would move.
     """
 
     name: str
@@ -97,6 +99,7 @@ class Effect:
     moved: Callable[[float, Sequence[float]], Effect] | None = None
     varies: tuple[tuple[str, float], ...] = ()
     relative: bool = False
+    turns: str = ""
 
     def added(self, simulated: Simulated, size: float) -> Changes:
         """Return what is added to each channel per unit of further size, shape (n,) each."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import BoolArray, FloatArray
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.divergence import diverged, refuse_few, refuse_runaway
 from modelgen.runtime.iv.effect import Effect
@@ -30,7 +30,9 @@ from modelgen.runtime.least_squares.thresholds import SMALLEST_STEP
 from modelgen.runtime.least_squares.wls import fit_at
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.masks import feels_turns
 from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.thresholds import LEAST_SHARE
 
 Rows = Callable[[tuple[Record, ...]], Observation]
 Grown = tuple[Sequence[FloatArray], ...]
@@ -84,7 +86,8 @@ def fit_with_effects(
         Its delays are those to be estimated on.
     effects : sequence of Effect
     known : sequence of float
-        Sizes of the first effects at other settings, to start from.
+        Sizes of the first effects at other settings, to start from. Of friction that is known to be missing
+        rows use no samples about reversals.
     finish : callable, optional
         What is done to the fit with further columns once it has come to rest.
     rounds : int, optional
@@ -101,9 +104,10 @@ def fit_with_effects(
     c, now, sizes = len(start.columns), start, np.r_[known, np.zeros(len(effects) - len(known))]
     length, before = 1.0, np.zeros(c + len(delays) + len(effects))
     edited = np.array([effect.edit is not None for effect in effects])
+    turned = _turned(rows, start, setting, effects, sizes.tolist())
     for done in range(rounds or (KNOWN_ROUNDS if len(known) == len(effects) else EFFECT_ROUNDS)):
         here = replace(setting, records=corrected(setting.records, delays, effects, sizes.tolist()))
-        observation = rows(tuple(here.records))
+        observation = _calm(rows(tuple(here.records)), turned)
         plain = fit_at(observation, now)
         if plain.columns != start.columns:
             raise diverged("its columns change", now, setting.model)
@@ -143,6 +147,39 @@ def fit_with_effects(
     raise diverged(
         f"with {', '.join(effect.name for effect in effects)} it does not come to rest", now, setting.model
     )
+
+
+def _turned(
+    rows: Rows, start: Fit, setting: Setting, effects: Sequence[Effect], sizes: Sequence[float]
+) -> dict[tuple[int, int], BoolArray]:
+    """Return which points of the grid feel reversals where missing friction is known, by record and row."""
+    turning = [one for one, size in zip(effects, sizes, strict=True) if size and one.turns]
+    found: dict[tuple[int, int], BoolArray] = {}
+    if not turning:
+        return found
+    delays = {channel: delay for channel, delay, _ in start.delays}
+    here = replace(setting, records=corrected(setting.records, delays, effects, sizes))
+    plain, model, choice = fit_at(rows(tuple(here.records)), start), setting.model, setting.choice
+    simulated = simulated_records(plain, here)
+    for effect, grown in zip(turning, effect_rows(plain, here, simulated, turning), strict=True):
+        for block, own in zip(plain.blocks, grown, strict=True):
+            one = simulated[block.record]
+            if np.any(own):
+                speed, step = one.led[effect.turns].speed, choice.decimation[block.record]
+                felt = feels_turns(speed, model, block.row, choice, setting.records[block.record].fs)
+                felt = felt[block.start :: step][: block.grid]
+                key = (block.record, block.row)
+                found[key] = felt | found.get(key, np.zeros_like(felt))
+    return found
+
+
+def _calm(observation: Observation, turned: Mapping[tuple[int, int], BoolArray]) -> Observation:
+    """Return rows without samples that are marked; a row of which little would be left keeps all."""
+    blocks = list(observation.blocks)
+    for place, block in enumerate(blocks):
+        calm = block.without(turned[key]) if (key := (block.record, block.row)) in turned else block
+        blocks[place] = calm if calm.count >= LEAST_SHARE * block.grid else block
+    return replace(observation, blocks=tuple(blocks)) if turned else observation
 
 
 def _refuse_far(sized: Iterable[tuple[Effect, float]], fs: float, plain: Fit, model: Model) -> None:

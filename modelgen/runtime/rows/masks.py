@@ -166,6 +166,17 @@ def turn_masks(model: Model, choice: FilterChoice, fs: float) -> tuple[RowMask, 
     return tuple(RowMask(direction_keys(model, row), far, "turns", longest) for row in range(len(model.rows)))
 
 
+def feels_turns(speed: FloatArray, model: Model, row: int, choice: FilterChoice, fs: float) -> BoolArray:
+    """Tell which samples of a record, fs in Hz, let a row feel that a body turns, or stands still around it.
+
+    `speed`, shape (n,) in SI, is that of a body whose friction is not among the columns: see `turn_masks`.
+    """
+    order = choice.filter_order
+    of = range(max(1, model.rows[row].order - 2))  # as in `row_masks`
+    reach = max(support_samples(order, choice.cutoff_hz, fs, k, TURN_TOLERANCE) for k in of)
+    return widen(turns(speed), reach + _direction_reach(choice, fs))
+
+
 def calm_masks(
     model: Model, choice: FilterChoice, fs: float, masks: tuple[RowMask, ...], friction: bool
 ) -> tuple[RowMask, ...]:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from modelgen.array_types import FloatArray, IntArray
+from modelgen.array_types import BoolArray, FloatArray, IntArray
 from modelgen.runtime.numerics.qr_triangle import tall_triangle
 from modelgen.runtime.rows.row_triangles import RowTriangle
 
@@ -130,6 +130,12 @@ class RowBlock:
     def in_memory(self) -> bool:
         """Whether its samples are kept, and not made again whenever asked for."""
         return True
+
+    def without(self, marked: BoolArray) -> RowBlock:
+        """Return the block without the samples that are marked on the grid, shape (grid,)."""
+        kept, used = self.kept(), ~marked[self.place]
+        masked = self.masked + int(np.count_nonzero(~used))
+        return replace(kept, place=self.place[used], Y=kept.Y[used], W=kept.W[used], masked=masked)
 
     def own(self, x: FloatArray) -> FloatArray:
         """Return the entries that belong to the columns of W, of an array of shape (columns, ...)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -64,6 +64,8 @@ class Search:
         What stood equal to an effect when it was taken, by the effect's name.
     drift : array, shape (c, c)
         Mean square of what is not estimated, or not exactly.
+    changes : mapping of str to array, shape (c,)
+        What X moved by that is not exact, by the effect that moved it.
     advice : tuple of Advice
     ended : bool
         Whether nothing more is to be estimated.
@@ -84,6 +86,7 @@ class Search:
     ended: bool = False
     before: frozenset[frozenset[str]] = frozenset()
     held: Score | None = None
+    changes: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def look(self) -> Seen:
         """Return what the residual shows of effects that are not estimated."""
@@ -230,16 +233,22 @@ class Search:
         equals = [one for one, misfit in zip(tried, left, strict=True) if misfit < min(left) + AS_LIKELY]
         (effect, effects, freed), *others = sorted(equals, key=lambda entry: self._rarity(entry[0]))
         equal = tuple(Equal(one, found.sizes[-1], found.fit.solution.x) for one, _, found in others)
-        kinds = {one.kind for one in self.effects}
+        if effect.turns:  # known now: without samples about reversals, which all that were tried had
+            effects, freed = self._solved(effects, freed.sizes) or (effects, freed)
+        names = _names(effects)
+        kinds = {one.kind for one in self.effects if one.name in names}
         share = 1.0 if ROUGH & kinds else INEXACT.get(effect.kind, 0.0)
         change = share * (freed.fit.solution.x - self.now.fit.solution.x)
+        # what an effect moved that is estimated no more says nothing of the others
+        changes = {one: self.changes[one] for one in self.changes if one in names} | {effect.name: change}
         return replace(
             self,
             now=freed,
             effects=effects,
             given=min(self.given, len(effects)),
             ties={**self.ties, effect.name: equal},
-            drift=self.drift + np.outer(change, change),
+            changes=changes,
+            drift=np.sum([np.outer(one, one) for one in changes.values()], axis=0),
             before=self.before | {_names(self.effects)},
         )
 
@@ -257,8 +266,7 @@ def varied(job: Job, fit: Fit, effect: Effect, size: float) -> FloatArray:
             continue  # its value was given
         by = size * rms * slopes[:, job.model.parameters.index(name)]
         ways.append(by * values[name] if effect.relative else by)
-    if effect.relative:
-        ways = [np.sum(ways, axis=0)]
+    ways = [np.sum(ways, axis=0)] if effect.relative else ways
     return np.asarray(sum(np.outer(by, by) for by in ways))
 
 

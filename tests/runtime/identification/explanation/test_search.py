@@ -196,3 +196,40 @@ def test_a_force_that_one_record_takes_for_friction_is_seen_in_another(seed: int
         assert abs(one.value - TRUTH[one.name]) < 3.0 * one.std
     spread = {one.name: one.std / TRUTH[one.name] for one in found.parameters.physical}
     assert spread["F_sl"] < 0.01  # it was 105 % off at 18 deviations
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(one, marks=pytest.mark.slow) for one in (2, 4))])
+def test_friction_that_the_spec_does_not_name_takes_samples_about_reversals_along(seed: int) -> None:
+    # about reversals it holds what would move, and had passed for friction of the motor
+    unnamed = model_of(TWO.replace(', viscous = "F_vl", coulomb = "F_sl"', ""), "both")
+    noise = {"q_m": 1e-5, "q_l": 1e-5, "T": 2e-3}
+    truth = {**TRUTH, "F_vl": 0.0}
+    records = [
+        simulate(
+            model_of(TWO, "both"), truth, motion, fs=2000.0, duration_s=2.0, noise=noise, seed=one
+        ).record
+        for one, motion in enumerate(("chirp", "trapezoid"), seed)
+    ]
+    found = identify(unnamed, records)
+    assert any(
+        "Coulomb friction that the spec does not name acts on l" in a.what for a in found.checks.advice
+    )
+    for one in found.parameters.physical:
+        assert abs(one.value - TRUTH[one.name]) < 3.0 * one.std
+    spread = {one.name: one.std / TRUTH[one.name] for one in found.parameters.physical}
+    assert spread["F_sm"] < 0.01 and spread["K"] < 1e-3
+    assert all(row.masked > 0 for row in found.fit.rows if row.row == "l")
+
+
+def test_what_a_dropped_effect_moved_is_not_in_the_intervals(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fit(x: float) -> Freed:
+        left = SimpleNamespace(misfit=-x, solution=SimpleNamespace(x=np.full(6, x)))
+        return Freed(cast(Any, None), cast(Any, left), job().setting(), (1e-6,), (1e-7,))
+
+    form = replace(OTHER, name="a form", kind="form")
+    search = replace(searching(), now=fit(0.0))._with([(form, (form,), fit(1.0))])
+    assert search.drift[0, 0] > 0.0
+    monkeypatch.setattr(Search, "_solved", lambda *given: None)
+    assert search._with([(FRICTION, (form, FRICTION), fit(2.0))]).drift[0, 0] > 1.0
+    # what is estimated without it is as exact as ever
+    assert search._with([(FRICTION, (FRICTION,), fit(2.0))]).drift[0, 0] < 0.01
