@@ -90,8 +90,7 @@ class Search:
 
     def look(self) -> Seen:
         """Return what the residual shows of effects that are not estimated."""
-        first = len(self.effects) == self.given
-        return look(self.job, self.now, self.effects, self.slope, masses_too=first)
+        return look(self.job, self.now, self.effects, self.slope, masses_too=len(self.effects) == self.given)
 
     def step(self, seen: Seen) -> Search:
         """Return the search with the effect estimated that leaves least, or at its end."""
@@ -174,7 +173,8 @@ class Search:
             if not real[-1]:
                 return None
             effects = tuple(one for one, kept in zip(effects, real, strict=True) if kept)
-            sizes = tuple(one for one, kept in zip(found.sizes, real, strict=True) if kept)
+            # what is tried keeps the samples that all others have, see `_with`
+            sizes = (*(one for one, kept in zip(found.sizes[:-1], real, strict=False) if kept), size)
 
     def _solved(
         self, effects: tuple[Effect, ...], sizes: tuple[float, ...]
@@ -234,7 +234,7 @@ class Search:
         (effect, effects, freed), *others = sorted(equals, key=lambda entry: self._rarity(entry[0]))
         equal = tuple(Equal(one, found.sizes[-1], found.fit.solution.x) for one, _, found in others)
         if effect.turns:  # known now: without samples about reversals, which all that were tried had
-            effects, freed = self._solved(effects, freed.sizes) or (effects, freed)
+            effects, freed = self._freed(effect, freed.sizes[-1]) or (effects, freed)
         names = _names(effects)
         kinds = {one.kind for one in self.effects if one.name in names}
         share = 1.0 if ROUGH & kinds else INEXACT.get(effect.kind, 0.0)

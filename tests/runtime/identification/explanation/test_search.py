@@ -229,7 +229,7 @@ def test_what_a_dropped_effect_moved_is_not_in_the_intervals(monkeypatch: pytest
     form = replace(OTHER, name="a form", kind="form")
     search = replace(searching(), now=fit(0.0))._with([(form, (form,), fit(1.0))])
     assert search.drift[0, 0] > 0.0
-    monkeypatch.setattr(Search, "_solved", lambda *given: None)
+    monkeypatch.setattr(Search, "_freed", lambda *given: None)
     assert search._with([(FRICTION, (form, FRICTION), fit(2.0))]).drift[0, 0] > 1.0
     # what is estimated without it is as exact as ever
     assert search._with([(FRICTION, (FRICTION,), fit(2.0))]).drift[0, 0] < 0.01
