@@ -163,11 +163,10 @@ def _turned(
     simulated = simulated_records(plain, here)
     for effect, grown in zip(turning, effect_rows(plain, here, simulated, turning), strict=True):
         for block, own in zip(plain.blocks, grown, strict=True):
-            one = simulated[block.record]
             if np.any(own):
-                speed, step = one.led[effect.turns].speed, choice.decimation[block.record]
-                felt = feels_turns(speed, model, block.row, choice, setting.records[block.record].fs)
-                felt = felt[block.start :: step][: block.grid]
+                speed, fs = simulated[block.record].led[effect.turns].speed, setting.records[block.record].fs
+                felt = feels_turns(speed, model, block.row, choice, fs)
+                felt = felt[block.start :: choice.decimation[block.record]][: block.grid]
                 key = (block.record, block.row)
                 found[key] = felt | found.get(key, np.zeros_like(felt))
     return found
@@ -175,11 +174,15 @@ def _turned(
 
 def _calm(observation: Observation, turned: Mapping[tuple[int, int], BoolArray]) -> Observation:
     """Return rows without samples that are marked; a row of which little would be left keeps all."""
+    if not turned:
+        return observation
     blocks = list(observation.blocks)
     for place, block in enumerate(blocks):
-        calm = block.without(turned[key]) if (key := (block.record, block.row)) in turned else block
-        blocks[place] = calm if calm.count >= LEAST_SHARE * block.grid else block
-    return replace(observation, blocks=tuple(blocks)) if turned else observation
+        marked = turned.get((block.record, block.row))
+        calm = block if marked is None else block.without(marked)
+        if calm.count >= LEAST_SHARE * block.grid:
+            blocks[place] = calm
+    return replace(observation, blocks=tuple(blocks))
 
 
 def _refuse_far(sized: Iterable[tuple[Effect, float]], fs: float, plain: Fit, model: Model) -> None:
