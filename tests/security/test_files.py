@@ -7,7 +7,8 @@ import resource
 import signal
 import stat
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -112,8 +113,8 @@ PLACES: dict[str, Callable[[Path], object]] = {
 NAMES = {"null byte": "a\0", "too long": "a" * 5000, "half a surrogate": "a\ud800", "not text": "a\udcff"}
 
 
-@pytest.fixture(autouse=True)
-def bounded(trap: Path) -> Iterator[None]:
+@contextmanager
+def bounded() -> Iterator[None]:
     """Five seconds of the processor and 500 MB; on a busy machine the clock goes on longer."""
 
     def late(*_: object) -> None:
@@ -134,6 +135,13 @@ def bounded(trap: Path) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, before)
 
 
+@pytest.fixture
+def limited(trap: Path) -> Iterator[None]:
+    """Bound a test that is one case; what goes through many bounds each of them."""
+    with bounded():
+        yield
+
+
 def refused(entry: str, path: Path) -> None:
     with pytest.raises(ModelgenError) as caught:
         ENTRIES[entry][1](path)
@@ -143,34 +151,74 @@ def refused(entry: str, path: Path) -> None:
         assert len(str(problem)) < 2500
 
 
-@pytest.mark.parametrize("kind", PLACES)
+def wrong_cases(kinds: Iterable[str], check: Callable[[str, Path], None], trap: Path) -> dict[str, str]:
+    """Return what went wrong, by case, each bounded and in a folder of its own.
+
+    A test goes through all cases of an entry: pytest takes longer for a test than most cases do.
+    """
+    wrong = {}
+    for number, kind in enumerate(kinds):
+        folder = trap / f"folder{number}"
+        folder.mkdir()
+        try:
+            with bounded():
+                check(kind, folder)
+        except (Exception, pytest.fail.Exception) as problem:
+            wrong[kind] = f"{type(problem).__name__}: {problem}"
+    return wrong
+
+
 @pytest.mark.parametrize("entry", ENTRIES)
-def test_what_is_no_file_to_read(trap: Path, entry: str, kind: str) -> None:
-    path = trap / "folder" / ENTRIES[entry][0]
-    path.parent.mkdir()
-    PLACES[kind](path)
-    refused(entry, path)
+def test_what_is_no_file_to_read(trap: Path, entry: str) -> None:
+    def check(kind: str, folder: Path) -> None:
+        PLACES[kind](folder / ENTRIES[entry][0])
+        refused(entry, folder / ENTRIES[entry][0])
+
+    assert wrong_cases(PLACES, check, trap) == {}
 
 
-@pytest.mark.parametrize("kind", NAMES)
 @pytest.mark.parametrize("entry", [name for name in ENTRIES if name != "template"])
-def test_a_name_that_no_file_has(trap: Path, entry: str, kind: str) -> None:
-    refused(entry, trap / (NAMES[kind] + ENTRIES[entry][0]))
+def test_a_name_that_no_file_has(trap: Path, entry: str) -> None:
+    def check(kind: str, folder: Path) -> None:
+        refused(entry, folder / (NAMES[kind] + ENTRIES[entry][0]))
+
+    assert wrong_cases(NAMES, check, trap) == {}
 
 
-@pytest.mark.parametrize("kind", CONTENTS)
 @pytest.mark.parametrize("entry", [name for name in ENTRIES if name != "trusted module"])
-def test_what_is_no_such_text(trap: Path, entry: str, kind: str) -> None:
-    path = trap / "folder" / ENTRIES[entry][0]
-    path.parent.mkdir()
-    path.write_bytes(CONTENTS[kind])
-    plain = CONTENTS[kind].isascii() and b"\0" not in CONTENTS[kind]
-    if entry == "template" and plain and len(CONTENTS[kind]) < 1_000_000:
-        assert user_files(CHAIN, "qm", path.parent) == {"emps_rigid_qm.txt": CONTENTS[kind].decode()}
-        return
-    refused(entry, path)
+def test_what_is_no_such_text(trap: Path, entry: str) -> None:
+    def check(kind: str, folder: Path) -> None:
+        path = folder / ENTRIES[entry][0]
+        path.write_bytes(CONTENTS[kind])
+        plain = CONTENTS[kind].isascii() and b"\0" not in CONTENTS[kind]
+        if entry == "template" and plain and len(CONTENTS[kind]) < 1_000_000:
+            assert user_files(CHAIN, "qm", folder) == {"emps_rigid_qm.txt": CONTENTS[kind].decode()}
+            return
+        refused(entry, path)
+
+    assert wrong_cases(CONTENTS, check, trap) == {}
 
 
+def test_every_case_is_bounded_and_named(trap: Path) -> None:
+    def check(kind: str, folder: Path) -> None:
+        if kind == "waits":
+            signal.setitimer(signal.ITIMER_REAL, 0.01)
+            time.sleep(10.0)
+        if kind == "fills":
+            bytearray(2 * MEGABYTES * 1_000_000)
+        if kind == "is taken":
+            with pytest.raises(ModelgenError):
+                folder.exists()
+
+    wrong = wrong_cases(["good", "waits", "fills", "is taken"], check, trap)
+    assert {kind: text.partition(":")[0] for kind, text in wrong.items()} == {
+        "waits": "AssertionError",
+        "fills": "MemoryError",
+        "is taken": "Failed",
+    }
+
+
+@pytest.mark.usefixtures("limited")
 def test_a_file_that_may_not_be_read(trap: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (trap / "a.toml").write_text("")
 
@@ -183,6 +231,7 @@ def test_a_file_that_may_not_be_read(trap: Path, monkeypatch: pytest.MonkeyPatch
             ENTRIES[entry][1](trap / "a.toml")
 
 
+@pytest.mark.usefixtures("limited")
 def test_what_is_exchanged_after_it_was_looked_at(trap: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = trap / "a.csv"
     path.write_text("t\n")
@@ -199,6 +248,7 @@ def test_what_is_exchanged_after_it_was_looked_at(trap: Path, monkeypatch: pytes
         open_file(path, DATA)
 
 
+@pytest.mark.usefixtures("limited")
 def test_a_link_to_a_file_and_a_file_with_holes_are_read(trap: Path) -> None:
     text = "t,q_m\n" + "".join(f"{k / 1000},{k % 7}\n" for k in range(100))
     (trap / "b.csv").write_text(text)
@@ -211,6 +261,7 @@ def test_a_link_to_a_file_and_a_file_with_holes_are_read(trap: Path) -> None:
         assert file.read(3) == b"\0\1\2"
 
 
+@pytest.mark.usefixtures("limited")
 @pytest.mark.parametrize("name", ["q_m,F\n1,2\n3,4\n", "t;q_m;F\n0.5;-1.25;+3e-4\n" * 40, "a\n1\n"])
 def test_short_tables_of_a_mainframe_are_told(trap: Path, name: str) -> None:
     path = trap / "mainframe.csv"
