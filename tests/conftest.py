@@ -21,27 +21,26 @@ from hypothesis import HealthCheck, settings
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
+from tests.order_of_tests import in_order
 from tests.runtime import measured_records
 
-# no test is timed: on a busy machine each takes as long as it likes
-settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("untimed")
-
-STILL = ("tests/symbolic/", "tests/spec/", "tests/security/")
+# The same examples in every run (others with MODELGEN_FUZZ=nightly), and no test is timed: on a busy machine
+# each takes as long as it likes.
+settings.register_profile(
+    "steady",
+    deadline=None,
+    derandomize=os.environ.get("MODELGEN_FUZZ") != "nightly",
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("steady")
 
 
 @pytest.hookimpl(trylast=True)  # after what is left out
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Let every process but the first begin with what simulates nothing; each gets its share in this order.
-
-    On a new checkout the first of them compiles the simulation meanwhile, which takes half a minute, for all.
-    """
+    """Put the tests into the order in which processes share them."""
     count = getattr(config, "workerinput", {}).get("workercount", 1)
     if count > 1:
-        still = [item for item in items if item.nodeid.startswith(STILL)]
-        others = [item for item in items if not item.nodeid.startswith(STILL)]
-        first = min(len(items) // count, len(others))
-        items[:] = [*others[:first], *still, *others[first:]]
+        items[:] = in_order(items, count)
 
 
 @pytest.fixture(scope="session")

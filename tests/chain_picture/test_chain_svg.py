@@ -62,7 +62,7 @@ def texts(svg: str) -> list[str]:
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(diagrams())
 def test_everything_is_named_once_and_no_two_bodies_lie_on_each_other(diagram: ChainDiagram) -> None:
     svg = chain_svg(diagram)
@@ -104,7 +104,7 @@ def test_everything_is_named_once_and_no_two_bodies_lie_on_each_other(diagram: C
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(diagrams())
 def test_every_body_has_a_place_of_its_own(diagram: ChainDiagram) -> None:
     nodes, loops = branches(diagram)

@@ -202,7 +202,7 @@ def test_compare_needs_two_models() -> None:
     assert "names 1 model; give two or more" in run("compare", QC, code=2)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(begins="first")
 def test_design_ranks_what_candidates_can_do(here: Path) -> None:
     (here / "shop.toml").write_text(CANDIDATES + DEAR)
     options = ("emps300", "--parameters", "table_2", "--candidates", "shop.toml", "--method", "wls")

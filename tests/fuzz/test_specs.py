@@ -23,7 +23,6 @@ NIGHTLY = os.environ.get("MODELGEN_FUZZ") == "nightly"
 FUZZ = settings(
     max_examples=10_000 if NIGHTLY else 200,
     deadline=5000,  # ms
-    derandomize=not NIGHTLY,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much],
 )
 

@@ -74,7 +74,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 @pytest.mark.slow
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=100)
 @given(table=TABLES)
 def test_what_is_written_is_read_the_same(folder: Path, table: ProjectTable) -> None:
     assert load_project(written(folder, project_text(table))).table == table
@@ -156,7 +156,7 @@ def test_records_that_cannot_be(folder: Path, records: str, key: str) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=150)
 @given(data=st.data())
 def test_anything_in_a_project_is_taken_or_explained(folder: Path, data: st.DataObject) -> None:
     tables: dict[str, object] = {

@@ -57,7 +57,7 @@ def trees(draw: st.DrawFn) -> str:
 
 
 @pytest.mark.slow
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(trees())
 def test_ratios_and_shared_names_are_found_in_the_module(text: str) -> None:
     spec = parse_spec(text, "t.toml")

@@ -52,9 +52,6 @@ def test_no_accepted_mutant_does_harm() -> None:
 
     @settings(
         max_examples=TRIED,
-        deadline=None,  # the processor's time counts, below: another program's does not
-        derandomize=not NIGHTLY,
-        database=None,
         suppress_health_check=list(HealthCheck),
     )
     @given(mutants())

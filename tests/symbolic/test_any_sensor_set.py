@@ -20,7 +20,7 @@ from tests.symbolic.random_chains import ExactMotion, random_spec
 
 
 @pytest.mark.slow
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=100)
 @given(st.integers(0, 10**9))
 def test_rows_hold_on_random_graphs(seed: int) -> None:
     text = random_spec(random.Random(seed))
@@ -110,7 +110,7 @@ def walk(module: ModuleType, truth: dict[str, float], name: str, text: str) -> d
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=150)
 @given(st.integers(0, 10**9))
 def test_cubic_springs_are_read_or_refused_in_words(seed: int) -> None:
     rng = random.Random(seed)

@@ -117,7 +117,7 @@ class Solved:
 
 
 @given(seed=st.integers(0, 10**6), share=st.floats(0.0, 1.2))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_one_direction_of_noise_pulls_what_has_a_part_in_it_and_nothing_else(seed: int, share: float) -> None:
     """Noise in one combination of columns: attenuated by its share, lost where it is alone."""
     rng = np.random.default_rng(seed)

@@ -91,7 +91,7 @@ def check(content: bytes) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.dictionaries(NAMES, NESTED, max_size=4), st.booleans())
 def test_level_5_as_scipy_reads_it(values: dict[str, Any], packed: bool) -> None:
     content = io.BytesIO()
@@ -100,7 +100,7 @@ def test_level_5_as_scipy_reads_it(values: dict[str, Any], packed: bool) -> None
 
 
 @pytest.mark.slow
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.dictionaries(NAMES, numbers(LEVEL4, 0, 2), min_size=1, max_size=4))
 def test_level_4_as_scipy_reads_it(values: dict[str, Any]) -> None:
     content = io.BytesIO()
@@ -131,7 +131,7 @@ STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8"
 
 
 @pytest.mark.slow
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     st.sampled_from("<>"),
     st.sampled_from(sorted(STORED.items())),

@@ -56,7 +56,7 @@ SPEEDS = st.lists(st.sampled_from([-2.0, -0.1, 0.0, 0.1, 2.0]), min_size=1, max_
 
 
 @pytest.mark.slow
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=200)
 @given(SPEEDS, st.integers(1, 5), st.integers(0, 6), st.sampled_from([0.0, 0.5]))
 def test_marks_are_those_that_one_would_make_by_hand(
     velocity: np.ndarray, shortest: int, reach: int, threshold: float

@@ -194,7 +194,7 @@ def test_intervals_hold_the_truth_with_noise(model: Model, parameters: str) -> N
     assert np.mean(printed_held, axis=0)[0] < 0.88
 
 
-@pytest.mark.slow
+@pytest.mark.slow(begins="first")
 @pytest.mark.parametrize(("model", "parameters"), [(QC, "table_1"), (AC, "light")], ids=["table_1", "light"])
 def test_intervals_of_the_default_hold_what_they_say(model: Model, parameters: str) -> None:
     truth = np.array([model.parameter_sets[parameters][name] for name in model.parameters])

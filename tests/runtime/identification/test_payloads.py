@@ -83,7 +83,7 @@ def test_a_light_payload_and_noisy_currents_leave_no_bias() -> None:
     assert "no record carries payload tool" in tool
 
 
-@pytest.mark.slow
+@pytest.mark.slow(begins="first")
 def test_intervals_hold_the_truth() -> None:
     model, _ = arm()
     every = [identify(model, records(0.05, seed), checks=QUICK) for seed in range(20)]

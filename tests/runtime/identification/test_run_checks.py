@@ -210,7 +210,7 @@ def test_good_benches_raise_no_alarm_but_that_their_models_are_not_the_whole_tru
     assert set(kinds(estimate)) == {"more than noise", "more than the model"}
 
 
-@pytest.mark.slow
+@pytest.mark.slow(begins="first")
 def test_where_cut_offs_of_the_bench_disagree_the_summary_says_that_its_model_lacks_something(
     shared_data: Path,
 ) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import butter, sosfilt
 
@@ -24,7 +24,6 @@ QM_AC = model_from_module(emps300_qm_ac)
 PARAMETERS = {name: TRUTH[name] for name in QM_AC.parameters if name in TRUTH}
 
 
-@settings(deadline=None)
 @given(
     late=st.floats(0.05, 8.0),
     bend=st.floats(0.25, 1.5),

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from generated import emps_rigid_qm
@@ -70,7 +70,6 @@ def test_no_force_acts_behind_a_low_pass_before_that_lets_it() -> None:
 
 
 @pytest.mark.parametrize("name", FRICTIONS)
-@settings(deadline=None)
 @given(size=st.floats(1e-12, 1e12))
 def test_no_friction_pushes(name: str, size: float) -> None:
     assert EFFECTS[name].possible(size)
@@ -119,7 +118,6 @@ def test_a_late_channel_is_set_right_and_the_others_stay(samples: float) -> None
     assert EFFECTS["gain of q_c"].corrected(late, 0, 0.1) is late
 
 
-@settings(deadline=None)
 @given(ppm=st.floats(-3000.0, 3000.0), frequency=st.floats(0.0, 0.1), phase=st.floats(0.0, 6.3))
 def test_a_channel_of_another_clock_is_set_right(ppm: float, frequency: float, phase: float) -> None:
     n, size = 4000, 1e-6 * ppm
@@ -133,7 +131,6 @@ def test_a_channel_of_another_clock_is_set_right(ppm: float, frequency: float, p
     assert EFFECTS["clock of q_c"].runs_away(0.02, 1000.0)
 
 
-@settings(deadline=None)
 @given(
     tau=st.floats(0.05, 10.0),
     frequency=st.floats(0.0, 0.1),
@@ -156,7 +153,6 @@ def test_a_low_pass_is_undone_below_a_tenth_of_the_sampling_frequency(
     np.testing.assert_allclose(lagged[middle], behind.real[middle], atol=3e-6)
 
 
-@settings(deadline=None)
 @given(tau=st.floats(0.01, 30.0), level=st.floats(-1e3, 1e3))
 def test_a_constant_is_not_changed_by_a_low_pass(tau: float, level: float) -> None:
     for sign in (1.0, -1.0):
@@ -183,7 +179,6 @@ def test_an_edit_reads_no_more_than_its_channel() -> None:
     assert np.any(moved.signals["q"] != record.signals["q"])
 
 
-@settings(deadline=None)
 @given(
     length=st.floats(0.1, 2.0),
     frequency=st.floats(0.0, 0.1),

@@ -34,7 +34,7 @@ def freed(seed: int, size: float = 0.4) -> tuple[Fit, FloatArray, float, np.rand
     return fit, grown, float(larger[2]), rng
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1), mix=st.floats(-2.0, 2.0), scale=st.floats(0.2, 5.0))
 def test_what_explains_the_same_widens_by_what_the_parameters_would_move(
     seed: int, mix: float, scale: float

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from modelgen.runtime.iv.effect import Effect
@@ -36,7 +36,6 @@ def rows(seed: int, size: float, noise: float = 0.1) -> tuple[Fit, FloatArray]:
 
 
 @pytest.mark.slow
-@settings(deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), size=st.floats(0.05, 1.0))
 def test_a_score_is_what_a_fit_with_the_effect_as_a_column_finds(seed: int, size: float) -> None:
     fit, grown = rows(seed, size)
@@ -80,7 +79,6 @@ def _no_effect(seed: int) -> tuple[Span, list[Effect], list[list[FloatArray]]]:
 
 
 @pytest.mark.slow
-@settings(deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), mix=st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3))
 def test_what_the_columns_hold_cannot_be_told(seed: int, mix: list[float]) -> None:
     fit, _ = rows(seed, 0.3)

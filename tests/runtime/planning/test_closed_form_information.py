@@ -74,7 +74,7 @@ def test_the_bias_of_least_squares_is_predicted() -> None:
         assert s.predicted_bias == pytest.approx(s.bias, rel=0.2)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(begins="first")
 def test_composites_are_predicted_through_the_estimators_own_nonlinear_step(ten: dict[str, Model]) -> None:
     # noise in high derivatives takes a quarter off the composites, and adds a thirtieth to the stiffness;
     # the damping of the load gets no number, by prediction and by estimates
@@ -90,7 +90,7 @@ def test_composites_are_predicted_through_the_estimators_own_nonlinear_step(ten:
     assert spreads["F_vmc"].given == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.slow(begins="first")
 def test_composites_weighted_by_their_own_drift_are_copied_until_that_is_known(
     ten: dict[str, Model], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -121,7 +121,7 @@ def test_parameters_that_the_estimator_refuses_are_missing(ten: dict[str, Model]
     assert not set(found.missing) & {entry.name for entry in found.precisions}
 
 
-@pytest.mark.slow
+@pytest.mark.slow(begins="first")
 def test_the_order_of_sensor_sets_is_that_of_repeated_experiments(ten: dict[str, Model]) -> None:
     chosen = ("q_m+q_c", "q_c+v_m", "v_m", "q_c")
     ranked = [p.sensor_set for p in rank([judge_set(key, ten[key], TABLE_2, BENCH) for key in chosen])]

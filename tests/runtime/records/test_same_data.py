@@ -81,7 +81,7 @@ DRESSES = [as_it_is, other_order, seven_digits, another_unit, a_cut, a_tail_that
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60)
 @given(
     st.sampled_from(DRESSES), st.integers(0, 10**6), st.sampled_from([0.0, 1e-3, 2e-2]), st.integers(0, 500)
 )
@@ -101,7 +101,7 @@ def test_the_same_data_is_found_in_any_dress(
     refuse_same_data([first, *others], MODEL.channels)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40)
 @given(st.integers(0, 10**6), st.sampled_from([0.0, 1e-3, 2e-2]), st.integers(0, 500), st.integers(2, 200))
 def test_data_with_noise_of_its_own_passes(seed: int, resolution: float, rest: int, short: int) -> None:
     records = [measured(seed + k, 3000, resolution, rest) for k in range(3)]
@@ -111,7 +111,7 @@ def test_data_with_noise_of_its_own_passes(seed: int, resolution: float, rest: i
     refuse_same_data(sources, MODEL.channels)
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15)
 @given(st.integers(0, 10**6), st.floats(-11.0, -5.5), st.sampled_from([0.0, 1.0]))
 def test_the_same_motion_measured_twice_passes_however_small_the_noise(
     seed: int, exponent: float, of_force: float

@@ -195,7 +195,7 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 @pytest.mark.slow
-@settings(max_examples=100, deadline=None, derandomize=True, phases=(Phase.generate,))
+@settings(max_examples=100, phases=(Phase.generate,))
 @given(data=st.data())
 def test_anything_anywhere_is_an_estimate_or_explained(saved: dict[str, Any], data: st.DataObject) -> None:
     document = copy.deepcopy(saved)

@@ -39,7 +39,7 @@ def observations(index: int) -> tuple[Observation, Observation]:
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 1), st.data())
 def test_any_stretch_of_any_row_and_columns(index: int, data: st.DataObject) -> None:
     kept, remade = observations(index)

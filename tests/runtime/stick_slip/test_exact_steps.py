@@ -458,7 +458,7 @@ def stiff_chain(damping: float) -> FrictionSystem:
 @pytest.mark.slow
 @pytest.mark.parametrize("compiled", [True, False])
 @given(damping=st.floats(1e4, 0.95e6))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_a_stiff_chain_takes_no_more_memory_for_more_steps(compiled: bool, damping: float) -> None:
     if compiled and not has_numba():
         compiled, damping = False, min(damping, 1e5)  # each step by the interpreter would take too long
@@ -478,7 +478,7 @@ def test_a_stiff_chain_takes_no_more_memory_for_more_steps(compiled: bool, dampi
 
 
 @given(damping=st.floats(1e3, 2e4), seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_an_input_between_its_nodes_is_that_at_every_step_to_the_bit(damping: float, seed: int) -> None:
     system = stiff_chain(damping)
     parts = refinement(system, STEP)

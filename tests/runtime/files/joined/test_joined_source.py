@@ -34,7 +34,7 @@ def together(*paths: Path) -> Path:
     return Path(",".join(map(str, paths)))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     first=st.tuples(st.integers(0, 40), st.integers(60, 200)),
     second=st.tuples(st.integers(0, 40), st.integers(60, 200)),
