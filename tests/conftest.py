@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
+from importlib import import_module
 
 # before NumPy is imported: each process of pytest-xdist has a core of its own
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -33,6 +35,21 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("steady")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Let the second process import all tests from the last to the first, before it collects them.
+
+    On a new checkout pytest compiles every file for its assertions, which takes one process a minute: so each
+    of two compiles a half.
+    """
+    config = session.config
+    second = getattr(config, "workerinput", {}).get("workerid") == "gw1"
+    if second and config.args == config.getini("testpaths"):
+        for path in sorted((config.rootpath / "tests").rglob("test_*.py"), reverse=True):
+            # what is wrong with a file is told where it is collected
+            with suppress(Exception, pytest.skip.Exception):
+                import_module(".".join(path.relative_to(config.rootpath).with_suffix("").parts))
 
 
 @pytest.hookimpl(trylast=True)  # after what is left out

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import jinja2
 
 from modelgen.template_folder import template_folder
 
 
+@cache
 def environment() -> jinja2.Environment:
-    """Return an environment for source code: no HTML escaping, values come from the printer as source."""
+    """Return the environment for source code: no HTML escaping, values come from the printer as source.
+
+    There is one, for it keeps the templates compiled, which takes longer than to fill them.
+    """
     env = template_environment(html=False)
     env.filters["indented"] = _indented
     return env

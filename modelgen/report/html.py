@@ -6,6 +6,7 @@ import base64
 import hashlib
 import json
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import jinja2
@@ -18,6 +19,7 @@ from modelgen.runtime.results.answer import plus_minus
 from modelgen.template_folder import template_text
 
 
+@cache
 def report_environment() -> jinja2.Environment:
     """Return what makes pages of templates: every text is escaped, an unknown name is an error."""
     env = template_environment(html=True)

@@ -80,6 +80,7 @@ def test_the_project_says_the_same(folder: Path, answer: str) -> None:
     assert found["params"] == dict(Estimate.load(folder / "j.json").params)
 
 
+@pytest.mark.slow
 def test_a_joined_estimate_is_validated_with_a_page(folder: Path, answer: str) -> None:
     run("generate", str(folder / "tower.toml"), "--sensors", "all", "-o", str(folder))
     given = ("--model", str(folder / "tower_all.py"), "--estimate", str(folder / "j.json"))

@@ -188,6 +188,7 @@ def test_compare_pairs_rows_with_records_by_their_tags(here: Path) -> None:
         assert "--data: is missing" in run("compare", "emps300", *lonely, code=2)
 
 
+@pytest.mark.slow
 def test_compare_tells_two_versions_of_one_model_by_their_files(here: Path) -> None:
     text = Path(AC).read_text()
     for folder in ("old", "new"):

@@ -97,6 +97,7 @@ def test_any_tables(document: dict[str, Any]) -> None:
     explained(document_text(document))
 
 
+@pytest.mark.slow
 @FUZZ
 @given(st.text(max_size=300))
 def test_any_text(text: str) -> None:

@@ -72,6 +72,7 @@ def test_an_arm_without_payloads_says_how_to_name_one(files: list[str | Path]) -
     assert "write a table [payload.NAME]" in " ".join(text.split())
 
 
+@pytest.mark.slow
 def test_what_is_simulated_with_a_payload_is_identified_and_validated_with_it(tmp_path: Path) -> None:
     text = ARM + PAYLOAD
     model = model_of(written(text))

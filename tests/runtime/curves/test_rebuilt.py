@@ -43,7 +43,7 @@ def test_motors_that_move_two_joints_and_payloads_are_rebuilt_as_they_were_ident
 @pytest.mark.parametrize(
     ("case", "left"),
     [
-        ("motors alone", 4),
+        pytest.param("motors alone", 4, marks=pytest.mark.slow),
         pytest.param("links alone", 4, marks=pytest.mark.slow),
         pytest.param("motors alone, gears", 2, marks=pytest.mark.slow),
         ("torques at links", 2),

@@ -46,6 +46,7 @@ def test_values_within_the_intervals_explain_what_the_fit_does_not(seed: int) ->
     assert not hardly_weighed(fit, 0)
 
 
+@pytest.mark.slow
 def test_they_do_nineteen_times_of_twenty_and_never_where_the_row_does_not_hold() -> None:
     assert sum(hardly_weighed(fit_of(seed), 1) for seed in range(100)) > 90
     assert not any(hardly_weighed(fit_of(seed, right=False), 1) for seed in range(100))

@@ -91,10 +91,8 @@ def test_a_force_late_by_whole_samples_is_found(samples: float) -> None:
     assert told(estimate) == []
 
 
-@pytest.mark.parametrize(
-    ("samples", "word"),
-    [(-0.25, "early"), *(pytest.param(one, "late", marks=pytest.mark.slow) for one in (0.25, 1.0))],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("samples", "word"), [(-0.25, "early"), (0.25, "late"), (1.0, "late")])
 def test_an_encoder_out_of_step_is_named_and_does_not_spoil_the_stiffness(samples: float, word: str) -> None:
     records = two_mass_records(late={"q_c": samples})
     estimate = identify(SMALL, records)
@@ -254,6 +252,7 @@ def test_axes_of_a_robot_hold_the_published_values(
     assert not {"clipped", "stuck"} & {kind for kind, _, _ in told(estimate)}
 
 
+@pytest.mark.slow
 def test_an_arm_whose_delays_do_not_come_to_rest_keeps_its_instruments(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -93,7 +93,10 @@ CASES = {
     "speeds of links": (with_sensors(two_link(), *both(), *both("link", "velocity")), "s", 16),
 }
 SLOW = (
+    "motors alone",
     "motors alone, gears",
+    "links alone, gears",
+    "torques at motors",
     "six joints",
     "links alone, six joints",
     "motors alone, spatial",

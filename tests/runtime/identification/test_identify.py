@@ -25,6 +25,7 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.results.verdict import verdict
 from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime.rigid_motion import kinds
 
 RIGID = model_from_module(emps_rigid_qm)
 ASYMMETRIC = model_from_module(emps_rigid_asymmetric_qm)
@@ -105,9 +106,19 @@ def test_emps_asymmetric_friction_fits_better(emps: Record, emps_estimate: Estim
     assert asymmetric.fit.relative_error < 0.8 * symmetric.fit.relative_error
 
 
+@pytest.mark.slow
 def test_emps_intervals_know_that_the_residual_is_coloured(emps_estimate: Estimate) -> None:
     for entry in emps_estimate.parameters.identified:
         assert entry.noise_std > 2.0 * entry.printed_std
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("which", ["emps", "bench"])
+def test_good_benches_raise_no_alarm_but_that_their_models_are_not_the_whole_truth(
+    request: pytest.FixtureRequest, which: str
+) -> None:
+    estimate: Estimate = request.getfixturevalue(f"{which}_estimate")
+    assert set(kinds(estimate)) == {"more than noise", "more than the model"}
 
 
 @pytest.mark.slow

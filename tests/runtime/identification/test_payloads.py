@@ -65,6 +65,7 @@ def errors(estimate: Estimate, gains: bool = True) -> np.ndarray:
     return np.array([[m / truth[n], m / estimate.bse[n]] for n, m in moves.items()]).T
 
 
+@pytest.mark.slow
 def test_without_noise_gains_and_payloads_are_exact() -> None:
     estimate = identify(arm()[0], records(0.0, 1, ("", "disc", "tool")), checks=QUICK)
     names = ["gain_1", "gain_2", "Izz_disc", "mx_disc", "my_disc", "Izz_tool", "mx_tool", "my_tool", "m_tool"]

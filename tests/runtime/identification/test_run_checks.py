@@ -202,14 +202,6 @@ def test_a_kept_name_is_spared_even_where_it_is_the_worst() -> None:
     assert [step.removed for step in prune("abcd", refit, 10.0).steps] == ["b", "a", "c"]
 
 
-@pytest.mark.parametrize("which", ["emps", pytest.param("bench", marks=pytest.mark.slow)])
-def test_good_benches_raise_no_alarm_but_that_their_models_are_not_the_whole_truth(
-    request: pytest.FixtureRequest, which: str
-) -> None:
-    estimate: Estimate = request.getfixturevalue(f"{which}_estimate")
-    assert set(kinds(estimate)) == {"more than noise", "more than the model"}
-
-
 @pytest.mark.slow(begins="first")
 def test_where_cut_offs_of_the_bench_disagree_the_summary_says_that_its_model_lacks_something(
     shared_data: Path,

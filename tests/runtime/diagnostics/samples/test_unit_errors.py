@@ -53,6 +53,7 @@ def test_an_encoder_in_another_unit_is_told_with_that_unit(factor: float, unit: 
     assert what.endswith(f"what q_m says at low frequencies: one of them may be in {unit}")
 
 
+@pytest.mark.slow
 def test_an_encoder_that_is_reversed_is_told_by_its_motion() -> None:
     ((kind, what),) = said(with_load(-1.0))
     assert (kind, what) == (

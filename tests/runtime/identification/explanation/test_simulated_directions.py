@@ -125,7 +125,8 @@ q_c = { body = "c", measures = "position" }
 """
 
 
-@pytest.mark.parametrize("seed", [5, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (6, 7))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [5, 6, 7])
 def test_a_fit_in_physical_parameters_takes_simulated_directions_too(seed: int) -> None:
     """With those of a low-passed velocity J_m was 2.2 % too large and F_sm 2.7 % too small."""
     truth = {"J_m": 4e-3, "F_vm": 8e-3, "F_sm": 0.1, "J_c": 6e-3, "J_l": 5e-3}
@@ -193,6 +194,7 @@ def test_reversals_that_a_low_pass_does_not_see_count_where_they_move_friction()
     )
 
 
+@pytest.mark.slow
 def test_directions_are_simulated_anew_with_what_the_residual_shows() -> None:
     rubbing = BOTH.replace('inertia = "J_l"', 'inertia = "J_l", coulomb = "F_sl"')
     pushed = model_of(rubbing.replace('coulomb = "F_sl"', 'coulomb = "F_sl", offset = "F_0"'), "motor")

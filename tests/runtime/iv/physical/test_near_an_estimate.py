@@ -30,6 +30,7 @@ def motor_alone() -> tuple[Setting, Rows]:
     return setting, rows
 
 
+@pytest.mark.slow
 def test_steps_near_an_estimate_that_lead_nowhere_are_not_begun_elsewhere(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -33,7 +33,7 @@ def setting_of(records: Sequence[Record]) -> tuple[Setting, Fit]:
     return Setting(MODEL, tuple(records), choice), fit_matched(observe(MODEL, records, choice))
 
 
-@pytest.mark.parametrize("late", [0.0, -0.7])
+@pytest.mark.parametrize("late", [0.0, pytest.param(-0.7, marks=pytest.mark.slow)])
 def test_it_is_near_the_truth_though_the_force_is_late(late: float) -> None:
     records = [record.edited({"Gamma_m": shift("Gamma_m", -late)}) for record in noisy("light", 0, 5.0)]
     setting, first = setting_of(records)
@@ -45,6 +45,7 @@ def test_it_is_near_the_truth_though_the_force_is_late(late: float) -> None:
     assert found.missed < 0.2
 
 
+@pytest.mark.slow
 def test_the_same_record_gives_the_same_start_and_rest_gives_none() -> None:
     records = noisy("light", 0)
     setting, first = setting_of(records)

@@ -134,19 +134,16 @@ STUCK_ALONE = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("others", "limits"),
     [
         # springs were up to 0.13 % off, rotors 0.9 and 6.4 %, Fs_2 1.4 %, Fv_2 7.7 %
         (both("link"), STUCK_ON_BOTH),
         # where torques place links: rotors were 0.7 and 6.8 % off, Fs_2 1.1 %, Fv_2 5.9 %
-        pytest.param(
-            (("1", "between", "torque"), ("2", "between", "torque")),
-            STUCK_WITH_TORQUES,
-            marks=pytest.mark.slow,
-        ),
+        ((("1", "between", "torque"), ("2", "between", "torque")), STUCK_WITH_TORQUES),
         # where friction moves links: Fs_1 was 0.3 % off, Fv_2 4.9 %, K_1 14 %, K_2 four times too large
-        pytest.param((), STUCK_ALONE, marks=pytest.mark.slow),
+        ((), STUCK_ALONE),
     ],
     ids=["link encoders", "joint torques", "motors alone"],
 )

@@ -160,6 +160,7 @@ def test_links_begin_where_their_springs_carry_them() -> None:
         assert abs(torque) > 1.0 and abs(true[f"d2_q_{name}"][0]) < 1e-9
 
 
+@pytest.mark.slow
 def test_rows_hold_with_gears_couplings_and_a_single_spring() -> None:
     model = model_of(written(GEARED), sensor_set="encoders")
     values = {**of_bodies(model, 3), "K_b": 3000.0, "D_b": 2.0, "K3_b": 2e6}
@@ -234,6 +235,7 @@ def test_fast_motion_is_followed_as_exactly_as_slow_motion() -> None:
         assert np.abs(found[0][name] - found[1][name][::8]).max() < 5e-5 * scale
 
 
+@pytest.mark.slow
 def test_fast_motion_on_cubic_springs_is_solved_in_shorter_stretches() -> None:
     """Rounds that begin far from the motion pass masses that cannot be inverted; shorter ones do not."""
     spec = catalogued("elastic_two_link")

@@ -58,6 +58,7 @@ def test_forces_are_those_that_the_motion_needs() -> None:
     assert max(check.rms_error for check in wrong.checks) > 3.0 * max(c.rms_error for c in right.checks)
 
 
+@pytest.mark.slow
 def test_the_closed_loop_of_the_record_is_found_again() -> None:
     (found,) = validate_arm(MODEL, estimate("iv").params, [record()], LOOP)
     assert found.kind == "closed loop" and not found.notes
