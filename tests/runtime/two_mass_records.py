@@ -57,6 +57,11 @@ GEARED_NOISE = {"q_m": 2e-5, "q_c": 2e-6, "Gamma_m": 1e-3}
 FINE, ENDS = 4, 400
 
 
+# What effects are made from, whatever records hold: a file that simulates when it is imported takes half a
+# minute to collect on a new checkout.
+RAMPS = [Record(dict.fromkeys(SMALL.channels, np.linspace(0.0, 1.0, 100)), FS) for _ in range(2)]
+
+
 @cache
 def _clean(geared: bool, kind: str) -> Record:
     model, truth = (GEARED, GEARED_TRUTH) if geared else (SMALL, TRUTH)

@@ -18,9 +18,9 @@ from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from tests.runtime.two_mass_records import FS, SMALL, TRUTH, two_mass_records
+from tests.runtime.two_mass_records import FS, RAMPS, SMALL, TRUTH, two_mass_records
 
-EFFECTS = {effect.name: effect for effect in effects_of(SMALL, ("m", "c"), two_mass_records())}
+EFFECTS = {effect.name: effect for effect in effects_of(SMALL, ("m", "c"), RAMPS)}
 LATE = EFFECTS["delay of q_c"]
 
 

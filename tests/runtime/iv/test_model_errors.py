@@ -21,10 +21,10 @@ from modelgen.runtime.iv.low_pass import low_pass, without_average, without_lag
 from modelgen.runtime.iv.model_errors import effects_of, zero_effects
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
-from tests.runtime.two_mass_records import FS, GEARED, SMALL, TRUTH, two_mass_records
+from tests.runtime.two_mass_records import FS, GEARED, RAMPS, SMALL, TRUTH, two_mass_records
 
 BODIES = ("m", "c")
-EVERY = effects_of(SMALL, BODIES, two_mass_records())
+EVERY = effects_of(SMALL, BODIES, RAMPS)
 EFFECTS = {effect.name: effect for effect in EVERY}
 FRICTIONS = [
     f"{form} friction on {body}"

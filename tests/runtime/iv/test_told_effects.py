@@ -13,15 +13,14 @@ from modelgen.runtime.advice import ROWS_OWN
 from modelgen.runtime.iv.model_errors import effects_of, zero_effect
 from modelgen.runtime.iv.told_effects import below_noise, left, within_rounding
 from modelgen.runtime.records.record import Record
-from tests.runtime.two_mass_records import SMALL, two_mass_records
+from tests.runtime.two_mass_records import RAMPS, SMALL
 
 NOISE = 1e-4
-RECORDS = two_mass_records()[:1]
 
 
 @pytest.mark.parametrize("turning", [True, False])
 def test_friction_at_low_speed_is_a_warning_where_no_samples_about_reversals_are_used(turning: bool) -> None:
-    effects = {one.name: one for one in effects_of(SMALL, ("m", "c"), RECORDS, turning=turning)}
+    effects = {one.name: one for one in effects_of(SMALL, ("m", "c"), RAMPS[:1], turning=turning)}
     assert ("direction of m" in effects) == turning
     told = left(effects["Stribeck friction on m"], 1e-3, ())
     assert told.kind == (ROWS_OWN if turning else "more than the model")
@@ -35,7 +34,7 @@ def test_a_zero_of_a_part_of_a_readings_noise_is_below_it(share: float, below: b
     record = Record({"q_c": reading, "q_m": reading}, 1000.0, "r")
     assert below_noise(zero_effect("q_c", 0, 1), share * NOISE, [record]) == below
     # of other effects nothing of the kind is known
-    gain = next(one for one in effects_of(SMALL, ("m", "c"), RECORDS) if one.name == "gain of q_c")
+    gain = next(one for one in effects_of(SMALL, ("m", "c"), RAMPS[:1]) if one.name == "gain of q_c")
     assert not below_noise(gain, 1e-9, [record])
 
 
@@ -49,7 +48,7 @@ def test_encoders_hide_what_moves_them_by_less_than_their_step(step: float) -> N
     measured = measured.edited({"q_m": measured.signals["q_m"] + 1e-5 * np.cos(t)})
     plain = Record({"q_m": reading, "q_c": reading}, 1000.0, "r")
     simulated = SimpleNamespace(plant=SimpleNamespace(model=SMALL), record=plain, measured=measured, index=0)
-    effects = {one.name: one for one in effects_of(SMALL, ("m", "c"), RECORDS)}
+    effects = {one.name: one for one in effects_of(SMALL, ("m", "c"), RAMPS[:1])}
     for name in ("delay of q_m", "delay of q_c", "gain of q_m", "zero of q_c"):
         moved = effects[name].changes(cast(Any, simulated))
         (change,) = moved.values()

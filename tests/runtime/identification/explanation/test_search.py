@@ -20,10 +20,9 @@ from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.score_tests import Score
-from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.iv.physical.test_composite_iv import model_of
-from tests.runtime.two_mass_records import FS, SMALL, two_mass_records
+from tests.runtime.two_mass_records import FS, RAMPS, SMALL, two_mass_records
 
 TWO = """
 chain = { name = "two", motion = "rotation" }
@@ -42,8 +41,6 @@ TRUTH = {
 }  # fmt: skip
 
 Solved = tuple[tuple[Effect, ...], Freed]
-# whatever the records hold; a file that simulates when it is imported takes half a minute to collect
-RAMPS = [Record(dict.fromkeys(SMALL.channels, np.linspace(0.0, 1.0, 100)), FS) for _ in range(2)]
 EFFECTS = {effect.name: effect for effect in effects_of(SMALL, ("m", "c"), RAMPS)}
 FRICTION, LATE, GAIN, OTHER, LAG = (
     EFFECTS[name]
