@@ -43,6 +43,7 @@ from modelgen.runtime.least_squares.thresholds import SMALLEST_STEP
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.anderson import AndersonSteps
+from modelgen.runtime.numerics.cycles import Passed
 from modelgen.runtime.parameters.bounds import bounded_names
 from modelgen.runtime.parameters.thresholds import BEYOND_CHANCE
 from modelgen.runtime.records.record import Record
@@ -130,7 +131,7 @@ def fit_physical_iv(
     sample = 1.0 / min(record.fs for record in setting.records)
     first = _allowed(model, start, rules)
     now, late = Unknowns(first, delays, setting.sizes), len(delays)
-    c, steps = len(model.parameters), AndersonSteps()
+    c, steps, passed = len(model.parameters), AndersonSteps(), Passed()
     observation = rows(now.records(setting))
     plain = fit_matched(observation)
     if plain.absent:
@@ -162,7 +163,9 @@ def fit_physical_iv(
                 fit = replace(fit, carried=replace(fit.carried, unknown=lost))
             return Found(observation, fit, now.p, x[:c], lost, _below_zero(model, x[:c], spread[:c]))
         nearly = bool(np.all((np.abs(move) <= NEARLY * spread) | hopeless))
-        if done >= COMPOSITE_ROUNDS and not nearly:
+        # where directions of motion jump, steps may go round for ever
+        round_again = near and passed.again(now.vector, spread) and done > STILL_ROUNDS
+        if round_again or (done >= COMPOSITE_ROUNDS and not nearly):
             break
         near = near or nearly or done >= ROUGH_ROUNDS
         if near and _linear(model, now, move, spread, rules):

@@ -15,6 +15,7 @@ from modelgen.runtime.iv.physical import composite_iv, physical_iv
 from modelgen.runtime.iv.physical.composite_iv import fit_composites_iv
 from modelgen.runtime.iv.physical.gauss_newton_step import Unknowns
 from modelgen.runtime.iv.physical.physical_iv import Rows, fit_physical_iv
+from modelgen.runtime.iv.thresholds import STILL_ROUNDS
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation, observe
 from tests.runtime.iv.physical.test_composite_iv import motor_only, noisy
@@ -99,3 +100,18 @@ def test_steps_that_creep_go_on_and_others_end(
     else:
         with pytest.raises(IdentifiabilityError, match=f"after {rounds} rounds"):
             fit_physical_iv(setting, rows, {}, truth, settled=True)
+
+
+def test_steps_that_go_round_end_once_they_did(monkeypatch: pytest.MonkeyPatch) -> None:
+    setting, rows = motor_alone()
+    truth, waiting = dict(setting.model.parameter_sets["light"]), iter([2.0, 2.0, -4.0] * 20)
+    size = 1e-6 * np.abs([truth[name] for name in setting.model.parameters])
+
+    def step(_: Setting, __: object, now: Unknowns, *more: object) -> SimpleNamespace:
+        return SimpleNamespace(x=now.p + next(waiting) * size, spread=size)
+
+    monkeypatch.setattr(physical_iv, "step_from", step)
+    monkeypatch.setattr(physical_iv.AndersonSteps, "combined", lambda _, at, move, scale: move)
+    # not before small steps would do
+    with pytest.raises(IdentifiabilityError, match=f"after {STILL_ROUNDS + 1} rounds"):
+        fit_physical_iv(setting, rows, {}, truth, settled=True)
