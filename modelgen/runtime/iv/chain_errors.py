@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -159,15 +160,17 @@ def _late_direction(friction: Friction) -> Effect:
 
 def _link_effects(stiffness: str, bodies: tuple[str, ...]) -> Iterator[Effect]:
     pair = " and ".join(bodies)
-    stiffens, gap = _spring(stiffness, lambda d: d**3), _spring(stiffness, lambda d: -np.sign(d))
-    yield Effect(f"stiffening of {stiffness}", "form", f"{stiffness} between {pair} stiffens",
-                 f"{stiffness} between {pair} softens",
-                 "compare amplitudes; give the link a stiffness3",
-                 lambda simulated: stiffens(simulated, 0.0), at=stiffens)  # fmt: skip
+    bends, plays = _spring(stiffness, lambda d: d**3), _spring(stiffness, lambda d: -np.sign(d))
+    stiffens = Effect(f"stiffening of {stiffness}", "form", f"{stiffness} between {pair} stiffens",
+                      f"{stiffness} between {pair} softens",
+                      "compare amplitudes; give the link a stiffness3",
+                      lambda simulated: bends(simulated, 0.0), at=bends)  # fmt: skip
     # a gap has one sign
-    yield Effect(f"backlash of {stiffness}", "form", f"there is backlash between {pair}", "",
+    gap = Effect(f"backlash of {stiffness}", "form", f"there is backlash between {pair}", "",
                  "compare amplitudes, or preload the link",
-                 lambda simulated: gap(simulated, 0.0), at=gap)  # fmt: skip
+                 lambda simulated: plays(simulated, 0.0), at=plays)  # fmt: skip
+    # along its tangent either may explain what the other one does
+    yield from (replace(stiffens, forms=(gap,)), replace(gap, forms=(stiffens,)))
 
 
 def _stribeck(body: str) -> Callable[[Simulated], Changes]:
@@ -244,10 +247,13 @@ def _deflection(
 
 
 def _given(d: FloatArray, less: Callable[[FloatArray], FloatArray], low_hz: float, fs: float) -> FloatArray:
-    """Return a deflection that is less below a frequency in Hz by what a function of it says, shape (n,)."""
-    slow = np.zeros_like(d)
+    """Return a deflection that is less below a frequency in Hz by what a function of it says, shape (n,).
+
+    By no more than the largest there is: with a wrong size the steps may run away.
+    """
+    slow, most = np.zeros_like(d), np.max(np.abs(d))
     for _ in range(GIVEN_ROUNDS):
-        more = less(d - slow)
+        more = np.clip(less(d - slow), -most, most)
         slow = 0.5 * (slow + more - _above(more, low_hz, fs))
     return np.asarray(d - slow)
 

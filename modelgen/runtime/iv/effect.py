@@ -168,13 +168,13 @@ class Effect:
 
 def unlike(effects: Iterable[Effect], known: Sequence[Effect]) -> tuple[Effect, ...]:
     """Return the effects to be looked for besides those that are known: other forms only of what is known."""
-    names, found = {effect.name for effect in known}, list[Effect]()
-    for effect in effects:
-        forms = (effect, *effect.forms)
-        if any(one.name in names for one in forms):
-            found += [one for one in forms if one.name not in names]
-        else:
+    every, names, found = tuple(effects), {effect.name for effect in known}, list[Effect]()
+    listed = names | {effect.name for effect in every}
+    for effect in every:
+        if effect.name not in names:
             found.append(effect)
+        if not names.isdisjoint(one.name for one in (effect, *effect.forms)):
+            found += [one for one in effect.forms if one.name not in listed]
     return tuple(found)
 
 

@@ -13,14 +13,13 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.explanation.explained import Explained
 from modelgen.runtime.identification.explanation.folded_forces import forces_bend
-from modelgen.runtime.identification.explanation.look_at_residual import Seen, look
+from modelgen.runtime.identification.explanation.look_at_residual import Seen, leaves_noise, look, varied
 from modelgen.runtime.identification.explanation.other_weights import other_weights
-from modelgen.runtime.identification.explanation.search import Search, left_of, likely_of, varied
+from modelgen.runtime.identification.explanation.search import Search, left_of, likely_of
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.thresholds import KNOWN_INSTANT, OVER_NOISE
+from modelgen.runtime.identification.thresholds import KNOWN_INSTANT
 from modelgen.runtime.iv.effect import DIRECTION, FORCES, Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.instrumental_variables import Setting
@@ -111,7 +110,7 @@ def _held(job: Job, fit: Fit, found: Sequence[Score]) -> tuple[FloatArray, list[
     """
     apart = [one for one in found if one.own > LITTLE_OWN and one.effect.possible(one.size)]
     shown = [one for one in apart if one.matters]
-    loud = bool(exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE))
+    loud = not leaves_noise(job, fit)
     held = dict.fromkeys([*(shown or likely_of(found))[:1], *(apart[:1] if loud else ())])
     drift = sum(
         (np.outer(one.move, one.move) + varied(job, fit, one.effect, one.size) for one in held),

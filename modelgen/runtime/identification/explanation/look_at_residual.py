@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
@@ -14,11 +16,13 @@ from modelgen.runtime.identification.thresholds import OVER_NOISE
 from modelgen.runtime.iv.effect import Effect, unlike
 from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed
+from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.mass_search import further_masses
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.score_tests import Score, Span, moves_within, scores, stacked
 from modelgen.runtime.iv.thresholds import EXACTNESS, LITTLE_OWN
 from modelgen.runtime.iv.told_effects import within_rounding
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.records.record import Record
 
 
@@ -150,3 +154,48 @@ def _unexplained(job: Job, now: Freed) -> bool:
     if now.fit.carried is not None:
         return False
     return bool(exceeding_noise(job.model, job.records, job.choice, now.fit, OVER_NOISE, EXACTNESS))
+
+
+def leaves_noise(job: Job, fit: Fit) -> bool:
+    """Tell whether what a fit leaves may be noise of the sensors, of which a low-pass leaves less."""
+    return not exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE)
+
+
+def moves_of_forms(
+    before: Fit, effect: Effect, freed: Freed, others: Sequence[tuple[Effect, Freed]]
+) -> FloatArray:
+    """Return from an effect that was taken what other forms of it move X by, in SI, shape (moves, c).
+
+    A link that bends by another form than all that are known leaves more than noise: then X may be anywhere
+    between none of them and each.
+
+    Parameters
+    ----------
+    before : Fit
+        Without the effect.
+    others : sequence of (Effect, Freed)
+        What was tried in its place.
+    """
+    found = freed.fit.solution.x
+    if effect.kind != "form" or not effect.forms:
+        return np.zeros((0, len(found)))
+    names = {one.name for one in effect.forms}
+    away = [other.fit.solution.x - found for one, other in others if one.name in names]
+    return np.array([found - before.solution.x, *away])
+
+
+def varied(job: Job, fit: Fit, effect: Effect, size: float) -> FloatArray:
+    """Return what parameters vary by that are no one number then, as a mean square in SI, shape (c, c)."""
+    ways = list[FloatArray]()
+    if not effect.varies:
+        return np.zeros((len(fit.solution.x),) * 2)
+    values = simulation_parameters(job.model, fit)
+    places = [job.model.base_parameters.index(name) for name in fit.columns]
+    slopes = job.model.base_jacobian(values)[places]
+    for name, rms in effect.varies:
+        if name not in job.model.parameters:
+            continue  # its value was given
+        by = size * rms * slopes[:, job.model.parameters.index(name)]
+        ways.append(by * values[name] if effect.relative else by)
+    ways = [np.sum(ways, axis=0)] if effect.relative else ways
+    return np.asarray(sum(np.outer(by, by) for by in ways))

@@ -10,9 +10,15 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.explanation.explained import unlikely
-from modelgen.runtime.identification.explanation.look_at_residual import Seen, believable, look
+from modelgen.runtime.identification.explanation.look_at_residual import (
+    Seen,
+    believable,
+    leaves_noise,
+    look,
+    moves_of_forms,
+    varied,
+)
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
     HALF_SAMPLE,
@@ -22,19 +28,16 @@ from modelgen.runtime.identification.thresholds import (
     LITTLE_LEFT,
     MOST_EFFECTS,
     MOST_TRIED,
-    OVER_NOISE,
     ROUGH,
     SEARCH_STEPS,
     TRIED_TOO,
 )
 from modelgen.runtime.iv.effect import AT_REVERSALS, LATE, LOW_PASSES, Effect
 from modelgen.runtime.iv.freed_effects import Freed
-from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.iv.shaped_effects import fit_in_shape
 from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS, LEVEL, LITTLE_OWN
 from modelgen.runtime.iv.told_effects import below_noise, left
-from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.numerics.tails import normal_beyond
 
 
@@ -66,6 +69,8 @@ class Search:
         Mean square of what is not estimated, or not exactly.
     changes : mapping of str to array, shape (c,)
         What X moved by that is not exact, by the effect that moved it.
+    forms : mapping of str to array, shape (moves, c)
+        What other forms of an effect move, by its name.
     advice : tuple of Advice
     ended : bool
         Whether nothing more is to be estimated.
@@ -87,6 +92,7 @@ class Search:
     before: frozenset[frozenset[str]] = frozenset()
     held: Score | None = None
     changes: Mapping[str, FloatArray] = field(default_factory=dict)
+    forms: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def look(self) -> Seen:
         """Return what the residual shows of effects that are not estimated."""
@@ -141,7 +147,9 @@ class Search:
             return
         likely = [one for one in shown if one.explained >= TRIED_TOO * shown[0].explained][:MOST_TRIED]
         known = {effect.name for effect in self.effects}
-        for effect in dict.fromkeys(one for score in likely for one in (score.effect, *score.effect.forms)):
+        own = known | {one.effect.name for one in likely}
+        every = [(one.effect, *(form for form in one.effect.forms if form.name not in own)) for one in likely]
+        for effect in dict.fromkeys(one for forms in every for one in forms):
             found = self._freed(effect) if effect.name not in known else None
             if found is None:
                 continue
@@ -216,10 +224,6 @@ class Search:
         late, rounded = self._out_of_step(effect, size), effect.name in seen.rounded
         return late < least or rounded or below_noise(effect, size, self.job.records)
 
-    def _leaves_noise(self, fit: Fit) -> bool:
-        """Tell whether what a fit leaves may be noise of the sensors, of which a low-pass leaves less."""
-        return not exceeding_noise(self.job.model, self.job.records, self.job.choice, fit, OVER_NOISE)
-
     def _with(self, tried: Sequence[tuple[Effect, tuple[Effect, ...], Freed]]) -> Search:
         """Return the search with the effect that leaves least; of equals the one that explained most.
 
@@ -228,7 +232,7 @@ class Search:
         # half a chi square
         left = [freed.fit.misfit for _, _, freed in tried]
         low_pass = any(LOW_PASSES & {one.kind for one in every} for _, every, _ in tried)
-        if low_pass and any(self._leaves_noise(freed.fit) for _, _, freed in tried):
+        if low_pass and any(leaves_noise(self.job, freed.fit) for _, _, freed in tried):
             left = [unlikely(self.job, freed.fit, every, freed.sizes) for _, every, freed in tried]
         equals = [one for one, misfit in zip(tried, left, strict=True) if misfit < min(left) + AS_LIKELY]
         (effect, effects, freed), *others = sorted(equals, key=lambda entry: self._rarity(entry[0]))
@@ -241,6 +245,12 @@ class Search:
         change = share * (freed.fit.solution.x - self.now.fit.solution.x)
         # what an effect moved that is estimated no more says nothing of the others
         changes = {one: self.changes[one] for one in self.changes if one in names} | {effect.name: change}
+        rest = [(one, found) for one, _, found in tried]
+        forms = {one: self.forms[one] for one in self.forms if one in names}
+        forms |= {effect.name: moves_of_forms(self.now.fit, effect, freed, rest)}
+        drift = np.sum([np.outer(one, one) for one in changes.values()], axis=0)
+        if any(one.size for one in forms.values()) and not leaves_noise(self.job, freed.fit):
+            drift = drift + np.sum([one.T @ one for one in forms.values()], axis=0)
         return replace(
             self,
             now=freed,
@@ -248,26 +258,10 @@ class Search:
             given=min(self.given, len(effects)),
             ties={**self.ties, effect.name: equal},
             changes=changes,
-            drift=np.sum([np.outer(one, one) for one in changes.values()], axis=0),
+            forms=forms,
+            drift=drift,
             before=self.before | {_names(self.effects)},
         )
-
-
-def varied(job: Job, fit: Fit, effect: Effect, size: float) -> FloatArray:
-    """Return what parameters vary by that are no one number then, as a mean square in SI, shape (c, c)."""
-    ways = list[FloatArray]()
-    if not effect.varies:
-        return np.zeros((len(fit.solution.x),) * 2)
-    values = simulation_parameters(job.model, fit)
-    places = [job.model.base_parameters.index(name) for name in fit.columns]
-    slopes = job.model.base_jacobian(values)[places]
-    for name, rms in effect.varies:
-        if name not in job.model.parameters:
-            continue  # its value was given
-        by = size * rms * slopes[:, job.model.parameters.index(name)]
-        ways.append(by * values[name] if effect.relative else by)
-    ways = [np.sum(ways, axis=0)] if effect.relative else ways
-    return np.asarray(sum(np.outer(by, by) for by in ways))
 
 
 def _names(effects: Sequence[Effect]) -> frozenset[str]:

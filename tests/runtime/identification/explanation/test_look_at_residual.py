@@ -1,0 +1,80 @@
+"""Which form of a link is taken, and what stays open where none of the known ones is right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from modelgen.runtime.identification.explanation import search as module
+from modelgen.runtime.identification.explanation.look_at_residual import moves_of_forms
+from modelgen.runtime.identification.explanation.search import Search
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.iv.effect import Effect, unlike
+from modelgen.runtime.iv.freed_effects import Freed
+from modelgen.runtime.iv.model_errors import effects_of
+from modelgen.runtime.iv.score_tests import Score
+from tests.runtime.two_mass_records import RAMPS, SMALL
+
+EFFECTS = {one.name: one for one in effects_of(SMALL, ("m", "c"), RAMPS)}
+STIFFENS, GAP, LATE = (EFFECTS[name] for name in ("stiffening of K", "backlash of K", "delay of q_c"))
+
+
+def fitted(misfit: float, *x: float) -> Freed:
+    """A fit that leaves so much and ends at some X, with one effect estimated."""
+    fit = SimpleNamespace(misfit=misfit, delays=(), solution=SimpleNamespace(x=np.array(x)))
+    return Freed(cast(Any, None), cast(Any, fit), cast(Any, None), (1e-4,), (1e-6,))
+
+
+def searching(now: Freed) -> Search:
+    job = Job(SMALL, tuple(RAMPS), cast(Any, None))
+    return Search(job, None, replace(now, sizes=(), stds=()), (), 0, {}, np.zeros((2, 2)))
+
+
+def test_both_forms_of_a_link_are_looked_for_and_once_each() -> None:
+    assert [one.name for one in STIFFENS.forms] == [GAP.name]
+    assert [one.name for one in GAP.forms] == [STIFFENS.name]
+    assert unlike((STIFFENS, GAP), ()) == (STIFFENS, GAP)
+    assert unlike((STIFFENS, GAP), (GAP.forms[0],)) == (GAP,)
+    # effects of one name at several settings stay
+    again = replace(STIFFENS)
+    assert unlike((STIFFENS, again, GAP), (GAP,)) == (STIFFENS, again)
+
+
+@pytest.mark.parametrize("shown", [(STIFFENS,), (GAP,), (GAP, STIFFENS)])
+def test_both_forms_are_tried_whichever_explains_more_along_its_tangent(
+    shown: tuple[Effect, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Search, "_freed", lambda self, effect, size=0.0: ((effect,), fitted(0.0, 1.0, 1.0)))
+    every = [Score(one, 1.0, 0.01, 0.5, np.zeros(2), 1.0, 1.0, 0.1, True) for one in shown]
+    tried = [one for one, *_ in searching(fitted(0.0, 1.0, 1.0))._tried(every)]
+    expected = (*shown, *(one for one in (STIFFENS, GAP) if one not in shown))
+    assert sorted(one.name for one in tried) == sorted(one.name for one in expected)
+    assert all(one in tried for one in shown)
+
+
+def test_other_forms_move_x_and_what_is_no_form_does_not() -> None:
+    before, taken, other, elsewhere = (fitted(0.0, 1.0, x) for x in (5.0, 4.0, 6.0, 9.0))
+    tried = [(STIFFENS, taken), (GAP, other), (LATE, elsewhere)]
+    moves = moves_of_forms(before.fit, STIFFENS, taken, tried)
+    np.testing.assert_allclose(moves, [[0.0, -1.0], [0.0, 2.0]])
+    assert not moves_of_forms(before.fit, LATE, taken, tried).size
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_intervals_hold_all_forms_of_a_link_where_none_leaves_noise(
+    quiet: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "leaves_noise", lambda job, fit: quiet)
+    taken, other = fitted(-50.0, 1.0, 4.0), fitted(-20.0, 1.0, 6.0)
+    found = searching(fitted(0.0, 1.0, 5.0))._with([(GAP, (GAP,), other), (STIFFENS, (STIFFENS,), taken)])
+    assert found.effects == (STIFFENS,)
+    inexact = (0.05 * -1.0) ** 2
+    assert found.drift[1, 1] == pytest.approx(inexact if quiet else inexact + 1.0 + 2.0**2)
+    # what follows leaves noise alone: then the form was right
+    monkeypatch.setattr(module, "leaves_noise", lambda job, fit: True)
+    after = found._with([(LATE, (STIFFENS, LATE), replace(taken, sizes=(1e-4, 1e-4), stds=(1e-6, 1e-6)))])
+    assert after.drift[1, 1] == pytest.approx(inexact)
