@@ -10,7 +10,19 @@ import numpy as np
 from modelgen.array_types import BoolArray, FloatArray, IntArray
 from modelgen.errors import Problem
 from modelgen.runtime.filters.readings import modulus, repeats, turns
-from modelgen.runtime.records.thresholds import FEW_STEPS, GAP, NEAR_GAP, NOTED_OFFSET, SCATTERED, UNIFORM
+from modelgen.runtime.records.thresholds import (
+    CERTAIN_SCATTER,
+    FEW_STEPS,
+    GAP,
+    LEAST_STAMPS,
+    NEAR_GAP,
+    NOTED_OFFSET,
+    ROUGH_ORDER,
+    SCATTERED,
+    SLOPE_SAMPLES,
+    UNIFORM,
+    WANDERS,
+)
 
 POSITIONS = ("rad", "m")
 ACCELERATIONS = ("rad/s^2", "m/s^2")
@@ -213,3 +225,60 @@ def same_clock(first: FloatArray, other: FloatArray) -> bool:
         return np.array_equal(first, other, equal_nan=True)
     step = abs(float(np.median(np.diff(first)))) or 1.0
     return bool(np.max(np.abs(first - other)) <= UNIFORM * step)
+
+
+def even_times(times: FloatArray, signals: Mapping[str, FloatArray]) -> FloatArray | None:
+    """Return even times in place of stamps whose scatter the channels do not show; None where they may.
+
+    Parameters
+    ----------
+    times : array, shape (n,)
+        In s, increasing; samples may be missing.
+    signals : mapping of str to array, shape (n,)
+        Channels in any unit.
+
+    Returns
+    -------
+    array, shape (n,), or None
+        In s. None, too, where the stamps wander slowly: no channel shows whether a clock does.
+    """
+    # a sample that is read e s late lies v e beside the motion, v its slope
+    n = times.size
+    if n < LEAST_STAMPS:
+        return None
+    steps, gaps = np.diff(times), gaps_of(times)
+    count = np.ones(n - 1)
+    count[gaps] = np.maximum(np.round(steps[gaps] / np.mean(np.delete(steps, gaps))), 1.0)
+    place = np.r_[0.0, np.cumsum(count)]
+    step, start = np.polyfit(place - np.mean(place), times, 1)
+    even = start + step * (place - np.mean(place))
+    late = times - even
+    if np.max(np.abs(late)) <= UNIFORM * step or _wanders(late):
+        return None
+    near = np.convolve(count, np.ones(ROUGH_ORDER), "valid") == ROUGH_ORDER
+    along = power = 0.0
+    for samples in signals.values():
+        if samples.dtype.kind not in "iuf" or not np.isfinite(samples).all():
+            continue
+        slope = np.convolve(np.gradient(samples.astype(float), even), _mean(SLOPE_SAMPLES), "same")
+        rough, moved = (np.diff(one, ROUGH_ORDER)[near] for one in (samples.astype(float), slope * late))
+        if not moved.any():
+            continue
+        share = float(moved @ rough) / float(moved @ moved)
+        left = float(np.mean((rough - share * moved) ** 2))
+        left = max(left, np.finfo(float).eps * float(np.mean(rough**2)), np.finfo(float).tiny)
+        along, power = along + float(moved @ rough) / left, power + float(moved @ moved) / left
+    # the share of the scatter that the channels show is 1 where the stamps are true, else 0
+    if not power or along / power + CERTAIN_SCATTER / np.sqrt(power) > 0.5:
+        return None
+    return np.asarray(even)
+
+
+def _mean(samples: int) -> FloatArray:
+    return np.ones(samples) / samples
+
+
+def _wanders(late: FloatArray) -> bool:
+    """Tell whether stamps, late by so many s, shape (n,), are so for long rather than each by itself."""
+    slow = np.convolve(late, _mean(LEAST_STAMPS), "valid")
+    return bool(np.std(slow) > WANDERS * np.std(late) / np.sqrt(LEAST_STAMPS))

@@ -3,7 +3,7 @@
 - duplicates: drop samples whose time stamp is no number, or does not come after the one before;
 - gaps: keep the longest stretch without a gap, and in which no channel misses a reading;
 - fill: interpolate linearly across gaps, and where a channel misses a reading;
-- uneven: interpolate (cubic) onto equal steps;
+- uneven: interpolate (cubic) onto equal steps, or take samples as even where only their stamps scatter;
 - clocks: interpolate (cubic) channels with times of their own onto those of the fastest;
 - unwrap=KEY: add the turns after which a position's reading begins again;
 - repeats=KEY: interpolate (cubic) between new readings of a channel that repeats each for some samples;
@@ -22,7 +22,7 @@ import numpy.typing as npt
 from modelgen.array_types import BoolArray, FloatArray
 from modelgen.errors import DataError, Problem, listed
 from modelgen.runtime.filters.readings import between_readings, modulus, repeats, turns, unwrapped
-from modelgen.runtime.records.faults import POSITIONS, gaps_of, in_order
+from modelgen.runtime.records.faults import POSITIONS, even_times, gaps_of, in_order
 from modelgen.runtime.records.thresholds import UNIFORM
 
 MENDS = ("duplicates", "gaps", "fill", "uneven", "clocks")
@@ -76,7 +76,7 @@ def mend_times(track: Track, mends: Iterable[str], where: str = "times") -> Trac
     if "fill" in wanted and not _is_even(track.times):
         track = _evenly(where, track, cubic=False, why="gaps filled")
     if "uneven" in wanted:
-        track = _evenly(where, track, cubic=True, why="uneven steps made even")
+        track = _evenly(where, _as_read(track), cubic=True, why="uneven steps made even")
     return track
 
 
@@ -227,6 +227,16 @@ def _longest_stretch(track: Track) -> Track:
 def _part(track: Track, keep: BoolArray, said: tuple[str, ...]) -> Track:
     signals = {key: values[keep] for key, values in track.signals.items()}
     return Track(track.times[keep] if track.times.size else track.times, signals, track.said + said)
+
+
+def _as_read(track: Track) -> Track:
+    """Return the track with even times where only the stamps scatter, and not the samples."""
+    even = even_times(track.times, track.signals) if np.all(np.diff(track.times) > 0.0) else None
+    if even is None:
+        return track
+    scatter = f"{1e3 * float(np.std(track.times - even)):.3g} ms"
+    said = f"stamps scatter by {scatter} (rms), which no channel shows: samples taken as read at even times"
+    return Track(even, track.signals, (*track.said, said))
 
 
 def _evenly(where: str, track: Track, cubic: bool, why: str) -> Track:

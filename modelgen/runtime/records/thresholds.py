@@ -45,6 +45,12 @@ NEAR = 1e-3
 SHARED = 64
 
 UNIFORM = 1e-3  # of the step: how far a step may be from the others
+# Stamps that scatter are judged where there are so many; averages over as many are to be smaller than chance
+# makes them by this factor at most: a clock that wanders is not seen in channels.
+LEAST_STAMPS, WANDERS = 64, 2.0
+# Differences of this order hold little of a motion and all of what scatters from sample to sample; slopes are
+# means over so many samples. Stamps are not believed where so many deviations say so.
+ROUGH_ORDER, SLOPE_SAMPLES, CERTAIN_SCATTER = 4, 7, 5.0
 LONGEST_STEP = 0.05  # s: the motion of a machine is sampled faster
 # s: longer steps are of times in ms that do not say so; large machines may be read as seldom as this
 UNLIKELY_STEP = 0.11
