@@ -97,12 +97,13 @@ def noise_effect(
     for index, (block, weight) in enumerate(zip(fit.blocks, fit.weights, strict=True)):
         record, factor = records[block.record], choice.decimation[block.record]
         ways = noise_ways(model, record, choice, factor)[block.row]
-        # forces that are left open take noise below the cut-off with them
-        band = min(1.0, 2.0 * choice.cutoff_hz * factor / record.fs)
-        most = max(0.0, 1.0 - block.opened / (band * block.count))
         if seen:
             expected = row_noise(model, record, choice, factor, block.row, x)
-            most = min(most, (fit.rms(index) / expected) ** 2) if expected else 0.0
+            most = min(1.0, (fit.rms(index) / expected) ** 2) if expected else 0.0
+        else:
+            # forces that are left open take noise below the cut-off with them, that of derivatives less
+            band = min(1.0, 2.0 * choice.cutoff_hz * factor / record.fs)
+            most = max(0.0, 1.0 - block.opened / (band * block.count))
         own = np.flatnonzero(place[ways.columns] >= 0)
         at = place[ways.columns[own]]
         for channel in ways.slopes:

@@ -36,8 +36,7 @@ from modelgen.runtime.rows.row_block import STRETCH, RowBlock
 from modelgen.runtime.rows.thresholds import (
     CLEARLY_MOVING,
     HIGHEST_WIDER,
-    MOST_RESTING,
-    MOST_UNCERTAIN,
+    MOST_OPEN,
     WIDER_BAND,
 )
 
@@ -88,8 +87,7 @@ def without_uncertain_turns(
             lines = [near[name] for name in names]
             if not lines:
                 continue
-            measured = all(name in rows.plan.directions for name in names)
-            most = int((MOST_UNCERTAIN if measured else MOST_RESTING) * found[k].count)
+            most = int(MOST_OPEN * found[k].count)
             pulses = pulses_of(rows, choice, _felt_orders(model, found[k].row))
             forces = OpenForces(least_certain(*joined(lines), factor, most), pulses, rows.grid[0], factor)
             found[k] = with_open_forces(found[k], forces, STRETCH)
