@@ -195,7 +195,7 @@ def test_motors_that_no_sensor_sees_may_rest_for_long(seed: int, rotor: float) -
 
 @pytest.mark.slow
 def test_slow_motion_turns_too_often_for_a_few_open_samples() -> None:
-    """Motors alone, a quarter of the intervals turn: of 0.25 left open K_1 was 18 % off, Ia_1 43, Izz_1_R 11."""
+    """A quarter of the intervals turn. Of 0.25 left open K_1 was 18 % off, Ia_1 43, Izz_1_R 11."""
     full, given, joints = arm()
     spec = with_sensors(ARM, *both())
     ((name, text),) = arm_files(spec, "s").items()
