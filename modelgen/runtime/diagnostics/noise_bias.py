@@ -101,7 +101,7 @@ def noise_effect(
             expected = row_noise(model, record, choice, factor, block.row, x)
             most = min(1.0, (fit.rms(index) / expected) ** 2) if expected else 0.0
         else:
-            # forces that are left open take noise below the cut-off with them, that of derivatives less
+            # forces that are left open take noise below the cut-off with them
             band = min(1.0, 2.0 * choice.cutoff_hz * factor / record.fs)
             most = max(0.0, 1.0 - block.opened / (band * block.count))
         own = np.flatnonzero(place[ways.columns] >= 0)

@@ -52,8 +52,7 @@ def hac_covariance(fit: Fit, grown: bool = True) -> FloatArray:
     their place, records as independent. It is computed once a solution: copies of a fit with other notes or
     delays have the same.
     """
-    r = fit.count
-    return np.asarray(_long_run(fit, grown).covariances[0] * r / (r - len(fit.columns) - fit.lost))
+    return np.asarray(_long_run(fit, grown).covariances[0] * _of_all(fit))
 
 
 def hac_bandwidth(fit: Fit) -> float:
@@ -78,8 +77,13 @@ def covariance_of_bandwidth(fit: Fit, series: Sequence[FloatArray], least: float
 
     `series` holds an array a record, shape (n, c), in SI units of the columns.
     """
-    r = fit.count
-    return long_run_covariance(series, least) * r / (r - len(fit.columns) - fit.lost)
+    return long_run_covariance(series, least) * _of_all(fit)
+
+
+def _of_all(fit: Fit) -> float:
+    """Return r / (r - c), r all samples less the directions along which forces are left open."""
+    r = fit.count - sum(block.opened for block in fit.blocks)
+    return float(r / max(r - len(fit.columns) - fit.lost, 1.0))
 
 
 def long_run_covariance(

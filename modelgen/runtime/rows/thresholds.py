@@ -44,9 +44,8 @@ MUCH_KEPT = 1 << 25
 WIDER_BAND, HIGHEST_WIDER = float(np.sqrt(2.0)), 0.45
 # A speed of more than so many of its errors tells the direction; what the estimate is off by is below them.
 CLEARLY_MOVING = 3.0
-# Forces are left open at no more than this share of a row's samples: what noise does there is taken off as if
-# it were that of all samples, less this share. In slow motion of three joints reversals alone take up to a
-# half: where only a quarter was left open, the rest bent springs by up to 56 %.
+# Forces are left open at no more than this share of a row's samples. In slow motion of three joints reversals
+# alone take up to a half: where only a quarter was left open, the rest bent springs by up to 56 %.
 MOST_OPEN = 0.6
 # Rows that leave a force open hold of a pulse, or of sums of pulses, at most half of this share of one.
 # Windows of so many points hold some dozens of pulses, and are long against one; so many at a time.

@@ -56,7 +56,8 @@ def fit_of_two_rows_and_two_records() -> Fit:
     for record, grid in ((0, 30), (0, 30), (1, 20)):
         place = np.flatnonzero(RNG.random(grid) < 0.8)
         W, Y = RNG.normal(size=(place.size, 2)), RNG.normal(size=place.size)
-        blocks.append(RowBlock(**{**fields, "W": W, "Y": Y, "place": place, "grid": grid, "record": record}))
+        own = {"W": W, "Y": Y, "place": place, "grid": grid, "record": record, "opened": 0.0}
+        blocks.append(RowBlock(**fields | own))
     W = np.concatenate([w * b.W for w, b in zip(weights, blocks, strict=True)])
     Y = np.concatenate([w * b.Y for w, b in zip(weights, blocks, strict=True)])
     solution = least_squares(W, Y)
@@ -94,5 +95,9 @@ def test_hac_counts_the_degrees_of_freedom_and_the_projected_columns() -> None:
     assert np.allclose(hac_covariance(fit), long_run_covariance(influence(fit)) * r / (r - 2), rtol=1e-12)
     whitened = replace(fit, lost=5)
     assert np.allclose(hac_covariance(whitened) * (r - 7), hac_covariance(fit) * (r - 2), rtol=1e-12)
+    first, *others = fit.blocks
+    opened = replace(fit, blocks=(replace(first, opened=2.5), *others))
+    share = (r - 2.5) / (r - 4.5)
+    assert np.allclose(hac_covariance(opened) * r / (r - 2), hac_covariance(fit) * share, rtol=1e-12)
     doubled = replace(fit, projected=plain_regressors(tuple(2.0 * block.W for block in fit.blocks)))
     assert np.allclose(np.concatenate(influence(doubled)), 2.0 * np.concatenate(influence(fit)))
