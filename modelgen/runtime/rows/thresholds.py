@@ -44,9 +44,11 @@ MUCH_KEPT = 1 << 25
 WIDER_BAND, HIGHEST_WIDER = float(np.sqrt(2.0)), 0.45
 # A speed of more than so many of its errors tells the direction; what the estimate is off by is below them.
 CLEARLY_MOVING = 3.0
-# Forces are left open at no more than this share of a row's samples. In slow motion of three joints reversals
-# alone take up to a half: where only a quarter was left open, the rest bent springs by up to 56 %.
-MOST_OPEN = 0.6
+# Forces are left open at no more than this share of a row's samples: each one that is takes what the row
+# tells. But speeds of less than one of their errors have any sign, and nothing else finds long rests of a
+# motor that no sensor sees: there it is the second share. Three joints in slow motion have no sign in up to a
+# half of all intervals: where only a quarter was left open, the rest bent springs by up to 56 %.
+MOST_UNCERTAIN, MOST_OPEN, NO_SIGN = 0.25, 0.6, 1.0
 # Rows that leave a force open hold of a pulse, or of sums of pulses, at most half of this share of one.
 # Windows of so many points hold some dozens of pulses, and are long against one; so many at a time.
 PULSE_LEFT, PULSE_WINDOW, WINDOWS = 0.03, 128, 64

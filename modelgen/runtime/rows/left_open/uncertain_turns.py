@@ -37,6 +37,8 @@ from modelgen.runtime.rows.thresholds import (
     CLEARLY_MOVING,
     HIGHEST_WIDER,
     MOST_OPEN,
+    MOST_UNCERTAIN,
+    NO_SIGN,
     WIDER_BAND,
 )
 
@@ -87,11 +89,23 @@ def without_uncertain_turns(
             lines = [near[name] for name in names]
             if not lines:
                 continue
-            most = int(MOST_OPEN * found[k].count)
+            measured = all(name in rows.plan.directions for name in names)
+            samples, certain = joined(lines)
+            most = _most_open(samples[certain < NO_SIGN] // factor, found[k].count, measured)
+            samples = least_certain(samples, certain, factor, most)
             pulses = pulses_of(rows, choice, _felt_orders(model, found[k].row))
-            forces = OpenForces(least_certain(*joined(lines), factor, most), pulses, rows.grid[0], factor)
+            forces = OpenForces(samples, pulses, rows.grid[0], factor)
             found[k] = with_open_forces(found[k], forces, STRETCH)
     return replace(observation, blocks=tuple(found))
+
+
+def _most_open(no_sign: IntArray, count: int, measured: bool) -> int:
+    """Return at how many points of a row's `count` forces may be left open.
+
+    `no_sign`, shape (s,), are intervals in which a speed has any sign.
+    """
+    share = MOST_UNCERTAIN if measured else MOST_OPEN
+    return min(max(int(share * count), len(np.unique(no_sign))), int(MOST_OPEN * count))
 
 
 def leaves_turns_open(model: Model) -> bool:
