@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -120,6 +120,37 @@ def test_rows_about_no_estimate_stay_as_they_are() -> None:
     assert without_uncertain_turns(rows, model, [record], choice, 0) is rows
 
 
+@dataclass(frozen=True)
+class SlowMotion:
+    """A model, the base parameters that moved, and what motors did and sensors read at 1 kHz."""
+
+    model: Model
+    exact: dict[str, float]
+    motor_speeds: np.ndarray
+    read: dict[str, np.ndarray]
+
+
+def slow_motion(
+    sensors: Sequence[tuple[str, str, str]],
+    friction: Mapping[str, float],
+    limits: JointLimits,
+    seed: int = 1,
+) -> SlowMotion:
+    """Simulate 10 s with so many times the friction; where no limit says so, as far as the joints go."""
+    full, given, joints = arm()
+    spec = with_sensors(ARM, *sensors)
+    ((name, text),) = arm_files(spec, "s").items()
+    model = model_from_text(text, name)
+    values = {**given, **{name: times * given[name] for name, times in friction.items()}}
+    reached = {one.name: replace(limits, position=limits.position or one.position) for one in joints}
+    moved = simulate_arm(full, values, fourier_reference(full, 10.0, 1000.0, reached, seed=seed))
+    true = sensor_channels(arm_plant(full, full.base_from_physical(values)), mounted(spec, "s"), moved.motion)
+    every = {**true, **{name: moved.true[name] for name in ("tau_1", "tau_2")}}
+    exact = dict(zip(model.base_parameters, model.base_from_physical(values), strict=True))
+    read = {key: np.asarray(every[key]) for key in model.channels}
+    return SlowMotion(model, exact, np.asarray(moved.motion.v)[2:], read)
+
+
 STUCK_ON_BOTH = (
     (("K_1", "K_2", "mx_1_R", "mx_2"), 5e-5),
     (("Fs_1", "Fs_2", "Ia_1", "Ia_2"), 1e-3),
@@ -150,66 +181,41 @@ STUCK_ALONE = (
 def test_motors_that_stick_for_some_samples_move_no_parameter(
     others: Sequence[tuple[str, str, str]], limits: Sequence[tuple[tuple[str, ...], float]]
 ) -> None:
-    full, given, joints = arm()
-    spec = with_sensors(ARM, *both(), *others)
-    ((name, text),) = arm_files(spec, "s").items()
-    model = model_from_text(text, name)
-    values = {**given, **{name: 4.0 * given[name] for name in ("Fs_1", "Fs_2")}}
-    reached = {one.name: JointLimits(one.position, 1.0, 100.0) for one in joints}
-    moved = simulate_arm(full, values, fourier_reference(full, 10.0, 1000.0, reached, seed=1))
-    stuck = np.abs(np.asarray(moved.motion.v)[2:]) < 1e-12
-    assert 0.01 < stuck.mean() < 0.1
-    true = sensor_channels(arm_plant(full, full.base_from_physical(values)), mounted(spec, "s"), moved.motion)
-    every = {**true, **{name: moved.true[name] for name in ("tau_1", "tau_2")}}
-    record = Record({key: np.asarray(every[key])[::4] for key in model.channels}, 250.0, "slow")
-    exact = dict(zip(model.base_parameters, model.base_from_physical(values), strict=True))
-    found = identify(model, record, "wls", Filters(cutoff_hz=10.0), CheckOptions(tests=False)).params
+    friction = dict.fromkeys(("Fs_1", "Fs_2"), 4.0)
+    moved = slow_motion((*both(), *others), friction, JointLimits(None, 1.0, 100.0))
+    assert 0.01 < np.mean(np.abs(moved.motor_speeds) < 1e-12) < 0.1
+    record = Record({key: one[::4] for key, one in moved.read.items()}, 250.0, "slow")
+    found = identify(moved.model, record, "wls", Filters(cutoff_hz=10.0), CheckOptions(tests=False)).params
     for names, most in limits:
         for name in names:
-            assert found[name] == pytest.approx(exact[name], rel=most), name
+            assert found[name] == pytest.approx(moved.exact[name], rel=most), name
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "rotor"), [(1, 0.25), (2, 0.01), (3, 0.01)])
 def test_motors_that_no_sensor_sees_may_rest_for_long(seed: int, rotor: float) -> None:
     """Torques place them. Of seed 1 the rotor was 12 times as large, friction 42 % off; 6 and 7 % rotors."""
-    full, given, joints = arm()
-    spec = with_sensors(ARM, *both("link"), ("1", "between", "torque"), ("2", "between", "torque"))
-    ((name, text),) = arm_files(spec, "s").items()
-    model = model_from_text(text, name)
-    values = {**given, "Fs_2": 40.0 * given["Fs_2"]}
-    reached = {one.name: JointLimits(one.position, 3.0, 200.0) for one in joints}
-    moved = simulate_arm(full, values, fourier_reference(full, 10.0, 1000.0, reached, seed=seed))
-    assert np.mean(np.abs(np.asarray(moved.motion.v)[3]) < 1e-12) > 0.05
-    true = sensor_channels(arm_plant(full, full.base_from_physical(values)), mounted(spec, "s"), moved.motion)
-    every = {**true, **{name: moved.true[name] for name in ("tau_1", "tau_2")}}
+    sensors = (*both("link"), ("1", "between", "torque"), ("2", "between", "torque"))
+    moved = slow_motion(sensors, {"Fs_2": 40.0}, JointLimits(None, 3.0, 200.0), seed)
+    assert np.mean(np.abs(moved.motor_speeds[1]) < 1e-12) > 0.05
     rng, read = np.random.default_rng(seed), {}
-    for key in model.channels:
-        noise = 5e-6 if key.startswith("q") else 2e-3 * float(np.std(every[key]))
-        read[key] = (np.asarray(every[key]) + noise * rng.standard_normal(len(every[key])))[::2]
-    found = identify(model, Record(read, 500.0, "slow"), checks=CheckOptions(tests=False)).params
-    exact = dict(zip(model.base_parameters, model.base_from_physical(values), strict=True))
+    for key, one in moved.read.items():
+        noise = 5e-6 if key.startswith("q") else 2e-3 * float(np.std(one))
+        read[key] = (one + noise * rng.standard_normal(len(one)))[::2]
+    found = identify(moved.model, Record(read, 500.0, "slow"), checks=CheckOptions(tests=False)).params
     for name, most in (("Ia_2", rotor), ("Fv_2", 0.06), ("Fs_2", 3e-3)):
-        assert found[name] == pytest.approx(exact[name], rel=most), name
+        assert found[name] == pytest.approx(moved.exact[name], rel=most), name
 
 
 @pytest.mark.slow
 def test_slow_motion_turns_too_often_for_a_few_open_samples() -> None:
     """A quarter of the intervals turn. Of 0.25 left open K_1 was 18 % off, Ia_1 43, Izz_1_R 11."""
-    full, given, joints = arm()
-    spec = with_sensors(ARM, *both())
-    ((name, text),) = arm_files(spec, "s").items()
-    model = model_from_text(text, name)
-    values = {**given, **{name: 10.0 * given[name] for name in ("Fs_1", "Fs_2")}}
-    reached = {one.name: JointLimits((-0.78, 0.78), 1.0, 100.0) for one in joints}
-    moved = simulate_arm(full, values, fourier_reference(full, 10.0, 1000.0, reached, seed=1))
-    true = sensor_channels(arm_plant(full, full.base_from_physical(values)), mounted(spec, "s"), moved.motion)
-    every = {**true, **{name: moved.true[name] for name in ("tau_1", "tau_2")}}
-    record = Record({key: np.asarray(every[key])[::2] for key in model.channels}, 500.0, "slow")
-    exact = dict(zip(model.base_parameters, model.base_from_physical(values), strict=True))
-    found = identify(model, record, checks=CheckOptions(tests=False)).params
+    friction = dict.fromkeys(("Fs_1", "Fs_2"), 10.0)
+    moved = slow_motion(both(), friction, JointLimits((-0.78, 0.78), 1.0, 100.0))
+    record = Record({key: one[::2] for key, one in moved.read.items()}, 500.0, "slow")
+    found = identify(moved.model, record, checks=CheckOptions(tests=False)).params
     for name, most in (("K_1", 0.06), ("Ia_1", 0.12), ("Izz_1_R", 0.03)):
-        assert found[name] == pytest.approx(exact[name], rel=most), name
+        assert found[name] == pytest.approx(moved.exact[name], rel=most), name
 
 
 def test_rows_without_samples_that_feel_reversals_stay_as_they_are() -> None:
