@@ -64,8 +64,9 @@ def main() -> None:
     predictions = rank([judge_set(key, sets[key], parameters, tools, method=given.method) for key in TEN])
     found: dict[str, Spread] = {}
     for prediction in predictions:
-        planned = experiment(sets[prediction.sensor_set], parameters, tools, method=given.method)
-        worst = worst_spread(monte_carlo(planned, given.experiments))
+        if prediction.planned is None:
+            continue
+        worst = worst_spread(monte_carlo(prediction.planned, given.experiments, prediction.promised))
         found[prediction.sensor_set] = worst
         what = f"{prediction.worst:.3g}, {worst.error:.3g} +- {worst.uncertainty:.2g} ({worst.name})"
         print(f"    {prediction.sensor_set}: {what}", flush=True)

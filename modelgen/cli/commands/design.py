@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -26,7 +26,6 @@ from modelgen.progress import counted
 if TYPE_CHECKING:
     from modelgen.cli.candidates import Judge
     from modelgen.runtime.model.model import Model
-    from modelgen.runtime.planning.planned_experiment import Experiment
     from modelgen.runtime.planning.sensor_set_ranking import Prediction
     from modelgen.runtime.simulation.instrument import Instrument
     from modelgen.spec.chain import ChainSpec
@@ -106,7 +105,6 @@ def design(
     from modelgen.cli.arms.design_arm import chain_unless_arm
     from modelgen.cli.design_tables import design_tables
     from modelgen.cli.tables import console
-    from modelgen.runtime.planning.planned_experiment import experiment
     from modelgen.runtime.planning.sensor_set_ranking import judge_set
 
     check_result(result)
@@ -126,8 +124,7 @@ def design(
     )
     described = {**_predicted(ranked, options, refused, wanted_percent), "cures": cured}
     if monte_carlo:
-        plan = partial(experiment, parameters=values, instruments=instruments, excitations=kinds, **options)
-        described["monte_carlo"] = _confirm(ranked, models, plan, monte_carlo)
+        described["monte_carlo"] = _confirm(ranked, monte_carlo)
     if optimise is not None:
         best = _complete(ranked[0], models)
         limits = amounts("--limit", limit or ())
@@ -218,17 +215,14 @@ def _sets(
     return models, instruments, {}
 
 
-def _confirm(
-    ranked: Sequence[Prediction],
-    models: Mapping[str, Model],
-    plan: Callable[[Model], Experiment],
-    draws: int,
-) -> dict[str, Any]:
+def _confirm(ranked: Sequence[Prediction], draws: int) -> dict[str, Any]:
     from modelgen.cli.design_tables import describe_monte_carlo
     from modelgen.runtime.planning.monte_carlo import monte_carlo
 
     found = {
-        one.sensor_set: monte_carlo(plan(models[one.sensor_set]), draws) for one in ranked if one.precisions
+        one.sensor_set: monte_carlo(one.planned, draws, one.promised)
+        for one in ranked
+        if one.precisions and one.planned is not None
     }
     return describe_monte_carlo(found, draws)
 

@@ -11,6 +11,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import Method
+from modelgen.runtime.identification.options import CheckOptions
 from modelgen.runtime.identification.thresholds import LARGEST_PERCENT, NOTED_DRIFT, NOTED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
@@ -69,7 +70,7 @@ class Solved:
         return {name: value for name, value in self.fixed.items() if name in base} | left
 
 
-def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
+def judge(solved: Solved, residual_dof: str, checks: CheckOptions) -> Estimate:
     """Return the estimate with everything that is needed to judge it."""
     model, fit, identified, method = solved.job.model, solved.fit, solved.identified, solved.method
     place = [fit.columns.index(name) for name in identified]
@@ -84,7 +85,9 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
     base = np.full(len(model.base_parameters), np.nan)
     base[[model.base_parameters.index(name) for name in identified]] = values
     found = _physical(solved, base, covariances)
-    others = other_solutions(model, base, covariances, found.parameters)
+    others: tuple[Mapping[str, float], ...] = ()
+    if checks.other_solutions:
+        others = other_solutions(model, base, covariances, found.parameters)
     in_memory = all(block.in_memory for block in fit.blocks)
     described = EstimatedFit(
         method=solved.method.name,
@@ -99,7 +102,7 @@ def judge(solved: Solved, residual_dof: str, prune_percent: float) -> Estimate:
         error_norm=fit.residual_norm,
         sigma=sigma,
         residual_dof=residual_dof,
-        pruning=_prune(solved, residual_dof, prune_percent),
+        pruning=_prune(solved, residual_dof, checks.prune_percent),
         delays={channel: value for channel, value, _ in fit.delays},
         delay_std={channel: std for channel, _, std in fit.delays},
         notes=solved.observation.notes

@@ -103,7 +103,7 @@ def _identified(
     keep, no_number = tuple(task.checks.keep), {**refused, **solution.at_bounds}
     fixed = dict.fromkeys(solution.at_bounds, 0.0)
     solved = Solved(solution.job, chosen, solution.observation, fit, no_number, drift, fixed, keep)
-    estimate = judge(solved, chosen.residual_dof, task.checks.prune_percent)
+    estimate = judge(solved, chosen.residual_dof, task.checks)
     estimate = replace(estimate, contents=task.contents)
     for record in (*task.records, *task.unseen):
         record.facts.forget_filtered()

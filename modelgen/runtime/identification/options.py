@@ -85,6 +85,8 @@ class CheckOptions:
         Cut-offs in Hz to estimate with as well; "auto" tries some cut-offs and orders around the chosen ones.
     prune_percent : float
         Relative standard deviation in % from which parameters are removed in the list after the estimate.
+    other_solutions : bool
+        Where physical parameters follow from composites, look for other values that fit these as well.
     """
 
     drift_check: bool = True
@@ -94,6 +96,7 @@ class CheckOptions:
     hold_out: Sequence[str] | str | float | None = None
     scan_cutoffs: Sequence[float] | str | None = None
     prune_percent: float = 10.0
+    other_solutions: bool = True
 
     def __post_init__(self) -> None:
         if not self.tests:

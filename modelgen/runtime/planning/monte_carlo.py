@@ -13,7 +13,7 @@ import numpy as np
 from modelgen.errors import IdentifiabilityError
 from modelgen.progress import counted
 from modelgen.runtime.planning.planned_experiment import Experiment
-from modelgen.runtime.planning.predicted_precision import estimate_once, predict
+from modelgen.runtime.planning.predicted_precision import Predicted, estimate_once, predict
 from modelgen.runtime.planning.thresholds import GIVEN_SHARE, WEIGHING
 
 # Other noise than that which the prediction looks at.
@@ -78,16 +78,26 @@ def _differ(a: Spread, b: Spread) -> bool:
     return abs(a.error - b.error) > 2.0 * hypot(a.uncertainty, b.uncertainty)
 
 
-def monte_carlo(planned: Experiment, draws: int = 200) -> tuple[Spread, ...]:
+def monte_carlo(
+    planned: Experiment, draws: int = 200, predicted: Predicted | None = None
+) -> tuple[Spread, ...]:
     """Repeat the experiment with other noise, and compare the estimates with the prediction.
+
+    Parameters
+    ----------
+    planned : Experiment
+    draws : int
+        How many times.
+    predicted : Predicted, optional
+        What the experiment promises, where that is known already.
 
     Raises
     ------
     IdentifiabilityError
         When the experiment does not determine all base parameters.
     """
-    model, predicted = planned.model, predict(planned)
-    promised = {entry.name: entry for entry in predicted.precisions}
+    model = planned.model
+    promised = {entry.name: entry for entry in (predicted or predict(planned)).precisions}
     true = {**model.known, **planned.parameters}
     found = np.full((draws, len(model.parameters)), np.nan)
     for k in counted(range(draws), f"{model.sensor_set}: experiments"):

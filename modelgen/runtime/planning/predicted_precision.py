@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import hypot, sqrt
+from typing import TypeAlias
 
 import numpy as np
 
@@ -42,6 +43,9 @@ from modelgen.runtime.results.estimate import Estimate
 
 # ... and no correction for that.
 AS_IS = (1.0, 0.0)
+
+# Parameters as estimated with each copy's own weights, and with the average ones, shape (copies,) both.
+Pairs: TypeAlias = dict[str, tuple[FloatArray, FloatArray]]
 
 
 @dataclass(frozen=True)
@@ -91,26 +95,35 @@ def predict(planned: Experiment) -> Predicted:
         planned.weights,
         instruments=planned.method == "iv",
     )
-    return _physical(planned, found, _copies(planned))
+    estimates = _first_copies(planned)
+    pairs = _own_and_averaged(planned.model, estimates)
+    if len(estimates) >= FIRST_COPIES:
+        estimates, pairs = _copied(planned, estimates, pairs)
+    return _physical(planned, found, estimates, pairs)
 
 
-def _copies(planned: Experiment) -> list[Estimate]:
-    """Return the estimates from as many noisy copies as it takes."""
+def _first_copies(planned: Experiment) -> list[Estimate]:
+    """Return the estimates from the noisy copies that every experiment takes."""
     if not all_from_composites(planned.model):
         return [estimate_once(planned, 0)]
     estimates = [estimate_once(planned, seed) for seed in range(FEW_COPIES)]
     if len(_open(planned.model, estimates)) > OPEN_SHARE * len(planned.model.parameters):
         # such an experiment is not to be chosen, however well the weights of what is left are known
         return estimates
-    estimates += [estimate_once(planned, seed) for seed in range(FEW_COPIES, FIRST_COPIES)]
+    return estimates + [estimate_once(planned, seed) for seed in range(FEW_COPIES, FIRST_COPIES)]
+
+
+def _copied(planned: Experiment, estimates: list[Estimate], pairs: Pairs) -> tuple[list[Estimate], Pairs]:
+    """Return the estimates from as many noisy copies as it takes, and each parameter as in `pairs`."""
     copies = FIRST_COPIES
-    while copies < WEIGHING and _factor_error(planned.model, estimates) > FACTOR_ERROR:
+    while copies < WEIGHING and _factor_error(pairs, len(estimates)) > FACTOR_ERROR:
         for seed in range(copies, 2 * copies):
             # a copy without an estimate gives no weights
             with suppress(IdentifiabilityError):
                 estimates.append(estimate_once(planned, seed))
         copies *= 2
-    return estimates
+        pairs = _own_and_averaged(planned.model, estimates)
+    return estimates, pairs
 
 
 def _open(model: Model, estimates: Sequence[Estimate]) -> list[str]:
@@ -124,7 +137,7 @@ def estimate_once(planned: Experiment, seed: int) -> Estimate:
     choice, model = planned.choice, planned.model
     # drift moves no value, but decides which parameters follow from composites; other checks only advise
     composites = all_from_composites(model)
-    checks = CheckOptions(prune_percent=UNPRUNED) if composites else CheckOptions(tests=False)
+    checks = CheckOptions(tests=composites, prune_percent=UNPRUNED, other_solutions=False)
     return identify(
         model,
         planned.records(seed),
@@ -134,7 +147,9 @@ def estimate_once(planned: Experiment, seed: int) -> Estimate:
     )
 
 
-def _physical(planned: Experiment, found: Information, estimates: Sequence[Estimate]) -> Predicted:
+def _physical(
+    planned: Experiment, found: Information, estimates: Sequence[Estimate], pairs: Pairs
+) -> Predicted:
     """Take the estimator's step from base to physical parameters, weighted as estimates are on average."""
     model = planned.model
     true = {**model.known, **planned.parameters}
@@ -152,7 +167,7 @@ def _physical(planned: Experiment, found: Information, estimates: Sequence[Estim
         name: next((e.not_identifiable[name] for e in estimates if name in e.not_identifiable), "is refused")
         for name in _open(model, estimates)
     }
-    own = {name: _effect(*pairs) for name, pairs in _own_and_averaged(model, estimates).items()}
+    own = {name: _effect(*both) for name, both in pairs.items()}
     precisions = tuple(
         Precision(
             entry.name, true[entry.name], *_percent(entry, true[entry.name], own.get(entry.name, AS_IS))
@@ -198,9 +213,7 @@ def _average_weight(estimates: Sequence[Estimate]) -> FloatArray:
     return np.asarray(np.mean([one.cov_params("noise") for one in alike], axis=0))
 
 
-def _own_and_averaged(
-    model: Model, estimates: Sequence[Estimate]
-) -> dict[str, tuple[FloatArray, FloatArray]]:
+def _own_and_averaged(model: Model, estimates: Sequence[Estimate]) -> Pairs:
     """Return every parameter as estimated, by each one's own weights, and by the average ones instead.
 
     An estimate is weighted by its own noise, which is correlated with its error. What that changes follows
@@ -228,14 +241,14 @@ def _effect(own: FloatArray, averaged: FloatArray) -> tuple[float, float]:
     return float(own.std() / averaged.std()), float((own - averaged).mean())
 
 
-def _factor_error(model: Model, estimates: Sequence[Estimate]) -> float:
+def _factor_error(pairs: Pairs, count: int) -> float:
     """Return the largest relative standard error of such a factor, of parameters that most estimates give.
 
     The ratio of deviations of n pairs that correlate by r is known to sqrt((1 - r^2) / n).
     """
     errors = [0.0]
-    for own, averaged in _own_and_averaged(model, estimates).values():
-        if 2 * own.size > len(estimates) and min(own.std(), averaged.std()) > 0.0:
+    for own, averaged in pairs.values():
+        if 2 * own.size > count and min(own.std(), averaged.std()) > 0.0:
             r = float(np.corrcoef(own, averaged)[0, 1])
             errors.append(sqrt(max(0.0, 1.0 - r * r) / own.size))
     return max(errors)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.planning.planned_experiment import PAIR, experiment
-from modelgen.runtime.planning.predicted_precision import Precision, predict
+from modelgen.runtime.planning.planned_experiment import PAIR, Experiment, experiment
+from modelgen.runtime.planning.predicted_precision import Precision, Predicted, predict
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.instrument import Instrument
 from modelgen.runtime.simulation.sensor_readings import instrument_keys
@@ -25,7 +25,7 @@ class Prediction:
     """What one sensor set promises.
 
     `missing` are parameters that it leaves open, and `reason` says why; where it cannot identify the chain at
-    all, `precisions` are empty.
+    all, `precisions` are empty. `planned` is the experiment, and `promised` all that it promises.
     """
 
     sensor_set: str
@@ -35,6 +35,8 @@ class Prediction:
     missing: tuple[str, ...]
     condition_number: float
     reason: str = ""
+    planned: Experiment | None = field(default=None, compare=False, repr=False)
+    promised: Predicted | None = field(default=None, compare=False, repr=False)
 
     @property
     def worst(self) -> float:
@@ -67,7 +69,10 @@ def judge_set(
         return Prediction(name, channels, price, (), model.parameters, inf, reason)
     reason = "; ".join(_grouped(found.refused))
     condition = found.information.condition_number
-    return Prediction(name, channels, price, found.precisions, tuple(found.refused), condition, reason)
+    missing = tuple(found.refused)
+    return Prediction(
+        name, channels, price, found.precisions, missing, condition, reason, planned=planned, promised=found
+    )
 
 
 def _grouped(refused: Mapping[str, str]) -> list[str]:

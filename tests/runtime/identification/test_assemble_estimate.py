@@ -8,6 +8,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.assemble_estimate import Solved, judge, row_diagnostics
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import WLS
+from modelgen.runtime.identification.options import CheckOptions
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.rows.observation import Observation
@@ -51,7 +52,7 @@ def test_every_row_is_reported_also_those_without_samples() -> None:
 
 
 def test_the_estimate_holds_the_truth_and_adds_the_drift() -> None:
-    plain, drifting = judge(solved(), "r-c", 10.0), judge(solved(drift=0.3), "r-c", 10.0)
+    plain, drifting = judge(solved(), "r-c", CheckOptions()), judge(solved(drift=0.3), "r-c", CheckOptions())
     np.testing.assert_allclose(list(plain.params.values()), TRUTH, atol=0.02)
     for entry in drifting.parameters.identified:
         assert entry.drift_std == pytest.approx(0.3)
@@ -64,14 +65,17 @@ def test_the_estimate_holds_the_truth_and_adds_the_drift() -> None:
 
 
 def test_pruning_counts_the_drift_and_leaves_the_estimate_alone() -> None:
-    estimate = judge(solved(drift=0.06), "r-c", 10.0)
+    estimate = judge(solved(drift=0.06), "r-c", CheckOptions())
     assert [step.removed for step in estimate.fit.pruning.steps] == ["J_c"]  # 0.06 of 0.5
     assert "J_c" in estimate.params
     assert [name for name, _, _ in estimate.fit.pruning.kept] == ["J_m", "F_vm", "F_sm", "F_vmc", "K"]
 
 
 def test_what_is_refused_stays_in_the_fit_as_a_nuisance() -> None:
-    whole, part = judge(solved(), "r-c", 10.0), judge(solved(refused={"F_sm": "no motion"}), "r-c", 10.0)
+    whole, part = (
+        judge(solved(), "r-c", CheckOptions()),
+        judge(solved(refused={"F_sm": "no motion"}), "r-c", CheckOptions()),
+    )
     assert part.params["K"] == whole.params["K"]
     assert dict(part.parameters.nuisance) == {"F_sm": whole.params["F_sm"]}
     assert dict(part.not_identifiable) == {"F_sm": "no motion"}

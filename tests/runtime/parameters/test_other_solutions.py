@@ -5,10 +5,13 @@ import pytest
 
 from generated import emps300_qm_qc
 from modelgen.render.writer import generate
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import CheckOptions
 from modelgen.runtime.model.model import Model, model_from_module, model_from_text
 from modelgen.runtime.parameters.other_solutions import other_solutions, solution_notes
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import Covariances
+from modelgen.runtime.simulation.simulate import simulate
 from modelgen.spec.load import parse_spec
 
 # Seen from the load, a motor and a load on a known spring, without friction to ground, can change places.
@@ -54,3 +57,15 @@ def test_models_without_composites_are_not_searched() -> None:
     model = model_from_module(emps300_qm_qc)
     covariance = np.eye(6)
     assert other_solutions(model, np.ones(6), Covariances(*[covariance] * 4), []) == ()
+
+
+def test_estimates_are_searched_unless_told_otherwise() -> None:
+    model, _ = found("load")
+    record = simulate(model, TRUTH, "chirp", duration_s=1.0, fs=2000.0).record
+    searched, quick = (
+        identify(model, record, "wls", checks=CheckOptions(drift_check=False, other_solutions=asked))
+        for asked in (True, False)
+    )
+    assert len(searched.parameters.other_solutions) == 1
+    assert quick.parameters.other_solutions == ()
+    assert dict(quick.physical) == dict(searched.physical)

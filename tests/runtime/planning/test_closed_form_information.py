@@ -124,9 +124,14 @@ def test_parameters_that_the_estimator_refuses_are_missing(ten: dict[str, Model]
 @pytest.mark.slow(begins="first")
 def test_the_order_of_sensor_sets_is_that_of_repeated_experiments(ten: dict[str, Model]) -> None:
     chosen = ("q_m+q_c", "q_c+v_m", "v_m", "q_c")
-    ranked = [p.sensor_set for p in rank([judge_set(key, ten[key], TABLE_2, BENCH) for key in chosen])]
+    judged = rank([judge_set(key, ten[key], TABLE_2, BENCH) for key in chosen])
+    ranked = [p.sensor_set for p in judged]
     assert ranked == ["q_c+v_m", "q_m+q_c", "v_m", "q_c"]
-    worst = {key: worst_spread(monte_carlo(experiment(ten[key], TABLE_2, BENCH), 40)) for key in chosen}
+    worst = {
+        one.sensor_set: worst_spread(monte_carlo(one.planned, 40, one.promised))
+        for one in judged
+        if one.planned is not None
+    }
     assert misorders(ranked, worst).wrong == ()
 
 
@@ -192,3 +197,11 @@ def test_a_set_states_its_price_and_what_it_leaves_open() -> None:
     assert (found.price, found.missing, found.reason) == (180.0, (), "")
     assert found.worst == max(entry.error for entry in found.precisions)
     assert 0.0 < found.worst < 1.0
+
+
+def test_what_a_set_promises_is_predicted_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    judged = judge_set("both", AC, AC.parameter_sets["light"], TOOLS, method="wls")
+    monkeypatch.delattr("modelgen.runtime.planning.monte_carlo.predict")
+    assert judged.planned is not None
+    spreads = monte_carlo(judged.planned, 2, judged.promised)
+    assert [s.predicted_std for s in spreads] == [entry.std for entry in judged.precisions]
