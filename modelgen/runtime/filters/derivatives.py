@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from math import factorial, pi, sin
 
 import numpy as np
@@ -41,6 +42,7 @@ def relative_gain(stencil: Sequence[float], frequency: float) -> float:
     return sum(2.0 * c * sin(k * omega) for k, c in enumerate(stencil, start=1)) / omega
 
 
+@lru_cache(maxsize=128)  # one record after the other asks for the same
 def stencil_for(cutoff_hz: float, fs: float) -> tuple[float, ...]:
     """Return the shortest central difference that is exact to 1e-5 wherever a low-pass lets anything by.
 

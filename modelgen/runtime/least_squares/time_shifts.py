@@ -47,10 +47,10 @@ def interpolation_weights(fraction: float | FloatArray, points: int) -> list[tup
     found = []
     for node in nodes.tolist():
         others = nodes[nodes != node].tolist()
-        weight = np.ones_like(np.asarray(fraction, dtype=float))
+        weight: float | FloatArray = 1.0  # one number stays one: an array of it takes ten times as long
         for other in others:
             weight = weight * ((fraction - other) / (node - other))
-        found.append((node, weight))
+        found.append((node, np.asarray(weight)))
     return found
 
 

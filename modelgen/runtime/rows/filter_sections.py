@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -58,11 +58,18 @@ class Filtering:
 
 def matched_filtering(choice: FilterChoice, fs: float, factor: int) -> Filtering:
     """Return the filtering of "wls": one Butterworth for everything, differences exact below its cut-off."""
-    low_pass = butterworth(choice.filter_order, choice.cutoff_hz, fs)
-    directions = butterworth(choice.filter_order, choice.direction_cutoff_hz, fs)
-    if choice.signal_cutoff_hz is None:
-        stencil = stencil_for(choice.cutoff_hz, fs)
-        return Filtering(fs, factor, low_pass, directions, stencil, between=choice.between)
-    signals = butterworth(choice.filter_order, choice.signal_cutoff_hz, fs)
-    stencil = stencil_for(choice.signal_cutoff_hz, fs)
-    return Filtering(fs, factor, low_pass, directions, stencil, signals, choice.between)
+    cutoffs = (choice.cutoff_hz, choice.direction_cutoff_hz, choice.signal_cutoff_hz)
+    return _matched_filtering(choice.filter_order, cutoffs, choice.between, fs, factor)
+
+
+@lru_cache(maxsize=128)  # rows are made of one change of the channels after the other
+def _matched_filtering(
+    order: int, cutoffs_hz: tuple[float, float, float | None], between: bool, fs: float, factor: int
+) -> Filtering:
+    """Return the filtering of cut-offs of rows, of directions, and of signals where these have their own."""
+    of_rows, of_directions, of_signals = cutoffs_hz
+    low_pass, directions = butterworth(order, of_rows, fs), butterworth(order, of_directions, fs)
+    if of_signals is None:
+        return Filtering(fs, factor, low_pass, directions, stencil_for(of_rows, fs), between=between)
+    signals = butterworth(order, of_signals, fs)
+    return Filtering(fs, factor, low_pass, directions, stencil_for(of_signals, fs), signals, between)

@@ -5,9 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from generated import emps_rigid_qm
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.least_squares.time_shifts import CLOCK_POINTS, interpolation_weights
+from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import made_once
+from modelgen.runtime.rows.filter_sections import matched_filtering
+from modelgen.runtime.rows.record_rows import unmasked_rows
 
 RECORD = Record({"q": np.arange(50.0), "f": np.ones(50)}, 100.0)
 
@@ -39,3 +45,22 @@ def test_records_that_are_read_in_stretches_or_are_long_keep_nothing(monkeypatch
     monkeypatch.setattr("modelgen.runtime.rows.chunk.MOST_FILTERED", 49)
     first = made_once(RECORD, "q", "how", lambda: np.zeros(3))
     assert made_once(RECORD, "q", "how", lambda: np.zeros(3)) is not first
+
+
+def test_filters_are_worked_out_once_for_all_records_that_are_filtered_alike() -> None:
+    choice = FilterChoice(4, 100.0, 80.0, (5,), None, None, (), (), ())
+    rows = [
+        unmasked_rows(
+            model_from_module(emps_rigid_qm), Record(dict.fromkeys(("q_m", "F"), samples), 1e3), choice, 5
+        )
+        for samples in np.random.default_rng(0).standard_normal((2, 3000))
+    ]
+    assert rows[0].plan.filtering is rows[1].plan.filtering
+    assert matched_filtering(choice, 2e3, 5) != rows[0].plan.filtering
+
+
+def test_weights_of_one_place_are_those_of_many() -> None:
+    places = np.random.default_rng(1).random(5)
+    alone = [dict(interpolation_weights(float(place), CLOCK_POINTS)) for place in places]
+    for node, weight in interpolation_weights(places, CLOCK_POINTS):
+        assert weight.tolist() == [float(one[node]) for one in alone]
