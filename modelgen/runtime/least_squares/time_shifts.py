@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
+from functools import lru_cache
 from math import erfc
 
 import numpy as np
@@ -43,15 +44,26 @@ def interpolation_weights(fraction: float | FloatArray, points: int) -> list[tup
 
     `fraction` in samples, of any shape, which the weights share.
     """
-    nodes = np.arange(points) - points // 2 + 1
-    found = []
-    for node in nodes.tolist():
-        others = nodes[nodes != node].tolist()
-        weight: float | FloatArray = 1.0  # one number stays one: an array of it takes ten times as long
-        for other in others:
-            weight = weight * ((fraction - other) / (node - other))
-        found.append((node, np.asarray(weight)))
-    return found
+    nodes, scale = _nodes(points)
+    products = _products_of_others(fraction, nodes)
+    return [(node, np.asarray(one / of)) for node, one, of in zip(nodes, products, scale, strict=True)]
+
+
+@lru_cache(maxsize=8)
+def _nodes(points: int) -> tuple[tuple[int, ...], tuple[float, ...]]:
+    """Return so many neighbours, and by what their products are divided: one by itself, at a node."""
+    nodes = tuple(place - points // 2 + 1 for place in range(points))
+    return nodes, tuple(float(_products_of_others(float(at), nodes)[place]) for place, at in enumerate(nodes))
+
+
+def _products_of_others(at: float | FloatArray, nodes: Sequence[int]) -> list[float | FloatArray]:
+    """Return for each node the product of the distances of a place from all others, shape of the place."""
+    before: list[float | FloatArray] = [1.0]
+    behind: list[float | FloatArray] = [1.0]
+    for node, last in zip(nodes[:-1], nodes[:0:-1], strict=True):
+        before.append(before[-1] * (at - node))
+        behind.append(behind[-1] * (at - last))
+    return [one * other for one, other in zip(before, reversed(behind), strict=True)]
 
 
 def hold(channel: str) -> Edit:

@@ -64,3 +64,8 @@ def test_weights_of_one_place_are_those_of_many() -> None:
     alone = [dict(interpolation_weights(float(place), CLOCK_POINTS)) for place in places]
     for node, weight in interpolation_weights(places, CLOCK_POINTS):
         assert weight.tolist() == [float(one[node]) for one in alone]
+    # a sample itself where the place is one, and polynomials everywhere
+    assert [float(weight) for node, weight in interpolation_weights(1.0, 32) if weight] == [1.0]
+    for degree in range(8):
+        moved = sum(float(weight) * node**degree for node, weight in interpolation_weights(0.3, 32))
+        assert moved == pytest.approx(0.3**degree, abs=1e-7)
