@@ -175,9 +175,11 @@ WITHIN_NOISE = 0.1
 ONE_WAY, SAME_RATIO, LONGEST_SERIES = 0.95, 0.05, 10.0
 ROUNDING = 1e-11
 # Of motors alone: deflections to start from, those first that mostly lead somewhere, far from each other: two
-# that agree end it; steps that hold springs and dampers, and as many that hold dampers, steps after which
-# starts are compared, and more from so many of the best.
+# that agree end it; steps that hold springs and dampers, along directions that rows of unit columns show by
+# more than this share of the best shown one; steps that hold dampers, steps after which starts are compared,
+# and more from so many of the best.
 LIKELY_DEFLECTIONS = (0.01, 0.1, 0.03, 0.002, 0.3)
+FIRST_STEPS, HARDLY_SEEN = 2, 0.1
 STEPS_HELD, FEW_STEPS, MORE_STEPS, BEST_PLACES = 4, 5, 20, 2
 # The first weight of a step's changes, of columns of length one, where it leaves more without, and the
 # largest; what a step is to gain at least, a logarithm, and how near springs are at one place, a share of

@@ -28,6 +28,8 @@ from modelgen.runtime.identification.thresholds import (
     BEST_PLACES,
     FEW_STEPS,
     FIRST_DAMPING,
+    FIRST_STEPS,
+    HARDLY_SEEN,
     MORE_STEPS,
     MOST_DAMPING,
     SAME_PLACE,
@@ -49,14 +51,15 @@ def settled(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray]) -> 
     """Return where rows leave least from any of these starts on, what leaves least first.
 
     A few steps from each, until two come to the best place, and more from the best that are not the same; at
-    first springs and dampers are held, then dampers: what acts less is to follow what acts more. Points are
-    base parameters, shape (columns,), in SI.
+    first springs and dampers are held (`_begun`), then dampers: what acts less is to follow what acts more.
+    Points are base parameters, shape (columns,), in SI.
     """
     springs, dampers = ({column for row in kernel.giving for column in row.acting(o)} for o in (0, 1))
     places: list[Settled] = []
     for start in starts:
-        place: Settled | None = Settled(start, np.inf)
-        for held in (springs | dampers, dampers, set[int]())[:: 1 if dampers else 2]:
+        begun = _begun(job, kernel, start, springs | dampers)
+        place: Settled | None = None if begun is None else Settled(begun, np.inf)
+        for held in (dampers, set[int]())[0 if dampers else 1 :]:
             place = place and settled_with(job, kernel, place.point, held, STEPS_HELD if held else FEW_STEPS)
         places = sorted([*places, *([] if place is None else [place])], key=lambda one: one.left)
         if len(places) > 1 and _same_springs(kernel, *places[:2]):
@@ -97,6 +100,21 @@ def settled_with(
         else:
             damping = 10.0 * max(damping, 0.1 * FIRST_DAMPING)
     return Settled(point, left)
+
+
+def _begun(job: Job, kernel: DeflectedKernel, point: FloatArray, held: Collection[int]) -> FloatArray | None:
+    """Return links and drives to begin with beside such springs; None where nothing holds.
+
+    Only deflections tell a motor's inertia from its link's. Those of springs far off made one of them several
+    times too large and the other negative, beyond which a spring runs to where it is rigid. So what rows
+    hardly show stays even at first. Points are base parameters, shape (columns,), in SI.
+    """
+    for _ in range(FIRST_STEPS):
+        fit = _tried(job, kernel, point)
+        if fit is None:
+            return None
+        point = moved_least(job.model, kernel, fit, point, held, unseen=HARDLY_SEEN)
+    return point
 
 
 def _tried(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Fit | None:

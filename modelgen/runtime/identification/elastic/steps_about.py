@@ -138,14 +138,15 @@ def moved_least(
     point: FloatArray,
     held: Collection[int] = (),
     damping: float = 0.0,
+    unseen: float = UNSEEN,
 ) -> FloatArray:
     """Return the estimate of the least change, (columns,) in SI, some base parameters held.
 
-    `damping` weighs changes of what positions depend on.
+    `damping` weighs changes of what positions depend on; `unseen` as in `held_values`.
     """
     columns = np.array(columns_of(fit, model))
     damped = damping * np.isin(columns, kernel.columns).astype(np.float64)
-    return _towards(kernel, point, columns, held_values(fit, model, point, held, damped))
+    return _towards(kernel, point, columns, held_values(fit, model, point, held, damped, unseen))
 
 
 def _towards(kernel: DeflectedKernel, point: FloatArray, columns: IntArray, values: FloatArray) -> FloatArray:
@@ -161,13 +162,19 @@ def _towards(kernel: DeflectedKernel, point: FloatArray, columns: IntArray, valu
 
 
 def held_values(
-    fit: Fit, model: Model, point: FloatArray, held: Collection[int] = (), damping: FloatArray | float = 0.0
+    fit: Fit,
+    model: Model,
+    point: FloatArray,
+    held: Collection[int] = (),
+    damping: FloatArray | float = 0.0,
+    unseen: float = UNSEEN,
 ) -> FloatArray:
     """Return what the rows say where some base parameters stay at the point, (c,) in SI.
 
     Rows are linear about the point, not about zero: to leave columns out would take what is held to zero, and
     so does a solution with what rows do not show, as two inertias in front of and behind a rigid spring. Here
-    the change is the smallest one. `damping` is the weight of changes, of unit columns.
+    the change is the smallest one. `damping` is the weight of changes, of unit columns; directions in these
+    that rows show by less than a share `unseen` of the best shown one stay as they are.
     """
     columns, width = columns_of(fit, model), len(fit.columns)
     values = point[columns].copy()
@@ -179,7 +186,7 @@ def held_values(
     if np.any(damping):
         weight = np.sqrt(np.broadcast_to(damping, width)[free])
         rows, left = np.vstack([rows, np.diag(weight)]), np.concatenate([left, np.zeros(len(free))])
-    values[free] += np.linalg.lstsq(rows, left, rcond=UNSEEN)[0] / scale
+    values[free] += np.linalg.lstsq(rows, left, rcond=unseen)[0] / scale
     return values
 
 

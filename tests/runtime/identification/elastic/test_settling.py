@@ -140,3 +140,20 @@ def test_a_more_likely_place_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     better, _ = others.other_springs(JOB, KERNEL, np.array([6.0, 2.0]))
     assert better is not None
     assert better[0] > 6.0
+
+
+def test_what_rows_hardly_show_begins_even(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two inertias rows show the sum 100 times better: springs far off made one of them negative."""
+    model: Any = SimpleNamespace(base_parameters=("Ia", "I"))
+    job: Any = SimpleNamespace(model=model, choice=JOB.choice)
+    W = np.array([[1.0, 1.0], [0.01, -0.01]])
+    Y = W @ np.array([7.0, -3.0])
+    triangle = np.vstack([np.column_stack([W, Y]), [0.0, 0.0, 1.0]])
+    fit: Any = SimpleNamespace(columns=model.base_parameters, triangle=triangle)
+    monkeypatch.setattr(settling, "_tried", lambda *_: fit)
+    kernel: Any = SimpleNamespace(columns=(0, 1), giving=())
+    begun = settling._begun(job, kernel, np.zeros(2), ())
+    assert begun is not None
+    np.testing.assert_allclose(begun, [2.0, 2.0])
+    monkeypatch.setattr(settling, "_tried", lambda *_: None)
+    assert settling._begun(job, kernel, np.zeros(2), ()) is None
