@@ -19,6 +19,7 @@ from modelgen.runtime.diagnostics.noise_bias import lost_in_noise
 from modelgen.runtime.diagnostics.parameter_checks import null_columns, zero_columns
 from modelgen.runtime.diagnostics.row_noise import drowned_friction
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.identification.elastic.untold_springs import untold_springs
 from modelgen.runtime.identification.thresholds import WITHOUT_NUMBER_PERCENT
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
@@ -103,7 +104,7 @@ def late_refusals(
     lost = lost_in_noise(fit, *bias) if bias is not None else {}
     arm = model if model is not None and model.is_arm else None
     if arm is not None:
-        lost = zero_columns(fit, arm, drift, lost) | lost
+        lost = untold_springs(fit, arm, drift) | zero_columns(fit, arm, drift, lost) | lost
     told = {name: why for name, why in lost.items() if name not in refused and name not in keep}
     lost = {**refused, **told}
     if arm is not None and told and all(name in lost for name in fit.columns):
