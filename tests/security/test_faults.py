@@ -109,11 +109,25 @@ def test_modules_that_fit_are_whole_and_the_others_are_absent(processes: Path) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("option", "name"), [("-o", "estimate.json"), ("--report", "report.html")])
-def test_results_that_do_not_fit_leave_the_old_file(record: Path, option: str, name: str) -> None:
+@pytest.mark.parametrize(
+    ("option", "name", "method"), [("-o", "estimate.json", "auto"), ("--report", "report.html", "wls")]
+)
+def test_results_that_do_not_fit_leave_the_old_file(
+    record: Path, option: str, name: str, method: str
+) -> None:
     old = record.with_name(name)
     old.write_text("old", encoding="utf-8")
-    arguments = ["identify", record.name, "--model", str(MODULE), option, name, "--overwrite"]
+    arguments = [
+        "identify",
+        record.name,
+        "--model",
+        str(MODULE),
+        option,
+        name,
+        "--overwrite",
+        "--method",
+        method,
+    ]
     done = with_disk_of(2_000, *arguments)
     assert done.returncode == 2
     assert f"error: {name}: cannot be written (File too large)" in done.stderr
