@@ -31,6 +31,7 @@ from modelgen.runtime.iv.thresholds import (
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.further_columns import joined_blocks
 from modelgen.runtime.least_squares.wls import weighed_by_residuals
+from modelgen.runtime.numerics.block_column import BlockColumn
 
 
 def further_masses(
@@ -61,12 +62,13 @@ def further_masses(
         grid = [further_mass(body, hz, FIRST_DAMPING) for hz in _frequencies(setting)]
         if grid[0].name in names:
             continue
-        at_grid = sorted(((one, rows.left((one,)).misfit) for one in grid), key=lambda pair: pair[1])
+        misfits = [rows.left(rows.columns((one,))).misfit for one in grid]
+        at_grid = sorted(zip(grid, misfits, strict=True), key=lambda pair: pair[1])
         begun = [one for one, misfit in at_grid[:RESONANCES_TRIED] if misfit < seen]
         tried = [_sharpened(one, rows) for one in begun]
-        best = min(tried, key=lambda pair: pair[1].misfit, default=None)
-        if best is not None and best[1].misfit < limit:
-            yield best[0]
+        best = min(tried, key=lambda one: one.left.misfit, default=None)
+        if best is not None and best.left.misfit < limit:
+            yield best.mass
 
 
 def _frequencies(setting: Setting) -> list[float]:
@@ -78,20 +80,20 @@ def _frequencies(setting: Setting) -> list[float]:
     return [float(hz) for hz in np.geomspace(low, high, count)]
 
 
-def _sharpened(best: Effect, rows: _Rows) -> tuple[Effect, _Left]:
-    """Return a further mass with the frequency and the damping that leave least, and what is left."""
-    least = rows.begun(best)
+def _sharpened(mass: Effect, rows: _Rows) -> _Begun:
+    """Return a further mass with the frequency and the damping that leave least."""
+    best = rows.begun(mass)
     for _ in range(RESONANCE_STEPS):
-        free = rows.left((best, *best.shape(rows.records)))
-        if best.moved is None or not free.sizes[0] > 0.0:
+        free, moved = rows.freed(best), best.mass.moved
+        if moved is None or not free.sizes[0] > 0.0:
             break
         # a shorter step where a long one leads too far
-        tried = [best.moved(free.sizes[0], [by * step for step in free.sizes[1:]]) for by in (1.0, 0.3)]
-        now, left = min(((one, rows.begun(one)) for one in tried), key=lambda pair: pair[1].misfit)
-        if left.misfit > least.misfit - SAME_SHAPE:
+        tried = [moved(free.sizes[0], [by * step for step in free.sizes[1:]]) for by in (1.0, 0.3)]
+        now = min((rows.begun(one) for one in tried), key=lambda one: one.left.misfit)
+        if now.left.misfit > best.left.misfit - SAME_SHAPE:
             break
-        best, least = now, left
-    return best, least
+        best = now
+    return best
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +102,19 @@ class _Left:
 
     misfit: float
     sizes: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Begun:
+    """A further mass that moves as it likes when the records begin, its shape, columns, and what is left.
+
+    `columns` are those of the mass and of how it begins, (n,) a block each: its shape without the first two.
+    """
+
+    mass: Effect
+    shape: tuple[Effect, ...]
+    columns: tuple[BlockColumn, ...]
+    left: _Left
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,13 +130,24 @@ class _Rows:
     def records(self) -> int:
         return len(self.setting.records)
 
-    def begun(self, mass: Effect) -> _Left:
-        """Return what is left with a mass that moves as it likes when the records begin."""
-        return self.left((mass, *mass.shape(self.records)[2:]))
+    def begun(self, mass: Effect) -> _Begun:
+        """Return a mass that moves as it likes when the records begin, with what is left."""
+        shape = mass.shape(self.records)
+        columns = self.columns((mass, *shape[2:]))
+        return _Begun(mass, shape, columns, self.left(columns))
 
-    def left(self, effects: Sequence[Effect]) -> _Left:
-        """Return what is left with effects as further columns, each block weighted by what it leaves."""
-        grown = (*self.others, *effect_rows(self.fit, self.setting, self.simulated, effects))
+    def freed(self, begun: _Begun) -> _Left:
+        """Return what is left where frequency and damping are free as well."""
+        mass, *starts = begun.columns
+        return self.left((mass, *self.columns(begun.shape[:2]), *starts))
+
+    def columns(self, effects: Sequence[Effect]) -> tuple[BlockColumn, ...]:
+        """Return the columns of effects, (n,) a block each."""
+        return effect_rows(self.fit, self.setting, self.simulated, effects)
+
+    def left(self, columns: Sequence[BlockColumn]) -> _Left:
+        """Return what is left with further columns, each block weighted by what it leaves."""
+        grown = (*self.others, *columns)
         rows = [block.summary for block in joined_blocks(self.fit, grown)]
         c, tiny = len(self.fit.columns), float(np.finfo(float).tiny)
         begun = [1.0 / weight for weight in self.fit.weights]
@@ -130,5 +156,5 @@ class _Rows:
             block.count * float(np.log(np.sqrt(block.count) * max(left, tiny) / (block.size(x[:c]) or 1.0)))
             for block, left in zip(self.fit.blocks, rms, strict=True)
         )
-        sizes = tuple(x[len(x) - len(effects) :].tolist())
+        sizes = tuple(x[len(x) - len(columns) :].tolist())
         return _Left(misfit if all(size > 0.0 for size in sizes[:1]) else np.inf, sizes)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ from modelgen.cli.candidates import spec_model
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.iv.companion_simulation import simulated_beside
+from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.effect_rows import effect_rows
 from modelgen.runtime.iv.further_mass import further_mass
 from modelgen.runtime.simulation.held_chain import held_chain
 from modelgen.runtime.simulation.plant import make_plant
@@ -97,12 +101,21 @@ def test_how_a_mass_moves_at_first_belongs_to_its_record() -> None:
 
 
 @pytest.mark.slow
-def test_a_further_mass_in_the_band_is_found_and_named() -> None:
+def test_a_further_mass_in_the_band_is_found_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lumped with the load, it would move J_c by 8 %; its resonance lies below the chain's own."""
     noise = {"q_m": 3e-6, "q_c": 3e-6, "T": 8e-3}
     options = {"fs": 5000.0, "duration_s": 1.5, "oversample": 8, "noise": noise}
     records = [simulate(LONG, KNOWN | MASS, kind, **options).record for kind in ("chirp", "trapezoid")]
+    asked: list[int] = []
+
+    def counted(fit: Any, setting: Any, simulated: Any, effects: Sequence[Effect]) -> Any:
+        asked.append(len(effects))
+        return effect_rows(fit, setting, simulated, effects)
+
+    monkeypatch.setattr("modelgen.runtime.iv.mass_search.effect_rows", counted)
     estimate = identify(SHORT, records)
+    # a mass on the grid, one with how it begins in two records, and then its frequency and damping alone
+    assert {*asked} == {1, 5, 2}
     intervals = estimate.conf_int(physical=True)
     low, high = intervals["J_c"]
     assert low < KNOWN["J_c"] < high
