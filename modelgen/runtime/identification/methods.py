@@ -39,7 +39,7 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
     from modelgen.runtime.iv.instrumental_variables import fit_iv, iv_round
     from modelgen.runtime.iv.physical.composite_iv import fit_composites_iv
     from modelgen.runtime.iv.physical.gauss_newton_step import Rules
-    from modelgen.runtime.iv.shaped_effects import fit_in_shape
+    from modelgen.runtime.iv.shapes.shaped_effects import fit_in_shape
 
     composites = job.physical or all_from_composites(job.model)
     # steps in physical parameters add the friction that rows drop where they differentiate it

@@ -80,11 +80,14 @@ INEXACT = {
     "drift": 0.05,
     "mass": 0.05,
     "resonance": 0.02,
+    "ripple": 0.05,
     "saturation": 0.02,
     "direction": 0.05,
     "reversal": 1.0,
 }
 LITTLE_LEFT = 0.05
+# A ripple that leaves noise alone has no other harmonics: it is known as what is read behind a low-pass is.
+RIPPLE_ALONE = 0.002
 # What is found after one of these kinds may be what its form leaves: all that it moves is left open.
 ROUGH = {"form", "mass"}
 # A clock that drifts by fewer samples than this over the longest record is none: rows are no more exact.

@@ -21,6 +21,8 @@ DIRECTION, REVERSAL = "direction", "reversal"
 AT_REVERSALS = (DIRECTION, REVERSAL)
 # Kinds of forces on bodies.
 FORCES = ("constant", "force")
+# Kind of a force that is periodic in a position.
+RIPPLE = "ripple"
 # Kinds of low-passes that a channel has gone through and the others have not; one of two poles has its delay
 # in it, which the others leave to an effect of its own.
 TWO_POLES = "two poles"
@@ -39,8 +41,8 @@ class Effect:
         "delay of q_c", unique.
     kind : str
         "delay", "direction", "reversal" (friction there), "lag", "average", "two poles", "clock", "gain",
-        "zero", "constant", "force", "form" (one of many, of friction or of a link), "drift", "mass" or
-        "resonance":
+        "zero", "constant", "force", "form" (one of many, of friction or of a link), "drift", "mass",
+        "resonance" or "ripple":
         how its size is said, and how exactly it is known.
     words, negative : str
         What is said of it where its size is positive, and negative; empty where that cannot be.
@@ -161,6 +163,8 @@ class Effect:
             return f"{words} ({100.0 * size:+.2g} %)"
         if self.kind == "zero":
             return f"{words} ({size:+.3g})"
+        if self.kind == RIPPLE:
+            return f"{words} (amplitude {shown:.3g})"
         if self.kind == "drift":
             return f"{words} (by {100.0 * shown:.2g} %)" if self.relative else f"{words} (by {shown:.3g})"
         return words

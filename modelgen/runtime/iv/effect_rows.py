@@ -28,6 +28,8 @@ from modelgen.runtime.rows.row_terms import channels_of_keys, channels_of_rows, 
 from modelgen.runtime.simulation.plant import possible
 
 Found = TypeVar("Found")
+# Features that say in which direction a body moves.
+DIRECTIONS = ("sign", "forward", "backward")
 
 
 def simulated_records(
@@ -107,6 +109,8 @@ def effect_rows(
     if not effects:
         return ()
     reads, every = channels_of_keys(setting.model), _mismatch_terms(fit, setting)
+    # a direction jumps or stays; that of a body at rest would be one of rounding, whatever the size
+    jumps = {one.key for one in setting.model.features if one.function in DIRECTIONS and one.times is None}
 
     def of(record: int) -> list[dict[int, FloatArray]]:
         one = simulated[record]
@@ -122,7 +126,11 @@ def effect_rows(
                 continue
             # what is made of other channels stays as it is
             moved = [
-                {key: w for key, w in every[row].items() if not changes.keys().isdisjoint(reads.get(key, ()))}
+                {
+                    key: w
+                    for key, w in every[row].items()
+                    if key not in jumps and not changes.keys().isdisjoint(reads.get(key, ()))
+                }
                 for row in touched
             ]
             change = dict(zip(touched, _moved_rows(calm, one.record, moved, changes, size), strict=True))

@@ -177,12 +177,15 @@ LEFT_OF_FORCE = 0.5
 # steps are taken from so many of these.
 RESONANCES_FROM, RESONANCES_TO, RESONANCE_GRID, FIRST_DAMPING = 0.25, 1.2, 1.15, 0.1
 RESONANCES_TRIED = 2
-# Steps of frequency and damping, at most; the longest ones, of their logarithms; a ratio stays above this
-# one; done when the logarithm of the likelihood grows by less than this.
-RESONANCE_STEPS, LEAST_DAMPING, SAME_SHAPE = 12, 1e-3, 1.0
+# Steps of a shape, at most; done when the logarithm of the likelihood grows by less than this. The longest
+# steps of the logarithms of frequency and damping; a damping ratio stays above this one.
+SHAPE_STEPS, SAME_SHAPE, LEAST_DAMPING = 12, 1.0, 1e-3
 LONGEST_STEPS = ((-0.2, -1.0), (0.2, 1.0))
-# It is estimated where least squares leave less than this share of the rows with it; steps are taken where
-# they leave less than that share at the first.
+# Ripple has at least so many periods on the way of a body, fewer are friction or a spring, and at most so
+# many; steps are taken from so many of them, of phases by so many rad at most.
+FEWEST_PERIODS, MOST_PERIODS, RIPPLES_TRIED, LONGEST_PHASE = 0.5, 4096.0, 2, 1.0
+# A shape is estimated where least squares leave less than this share of the rows with it; steps are taken
+# where they leave less than that share at the first.
 CLEARLY_LEFT, SEEN_AT_ALL = 0.9, 0.98
 # Sensors lead an acceleration where their noise has less than this share of its power.
 CLEAR_ACCELERATION = 0.01

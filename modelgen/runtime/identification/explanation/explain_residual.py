@@ -61,7 +61,8 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
         search = replace(search, drift=drift, advice=told, ended=True)
         # timings, low-passes and further masses look like a command that is held, which is asked afterwards,
         # or like damping of unseen bodies
-        first = next((one for one in shown if one.effect.kind in FORCES), None)
+        first = next(((one.effect, one.size) for one in shown if one.effect.kind in FORCES), None)
+        first = next(((effect, 0.0) for effect in seen.shapes), first)
         return replace(_concluded(search, seen, labels), shown=first)
     while not search.ended:
         search = search.step(seen)

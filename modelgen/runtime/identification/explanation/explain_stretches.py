@@ -36,7 +36,7 @@ from modelgen.runtime.identification.thresholds import LATE_CLEARLY, SEARCHED, S
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.model_errors import zero_effect
 from modelgen.runtime.iv.score_tests import Score, slope_of
-from modelgen.runtime.iv.shaped_effects import fit_in_shape
+from modelgen.runtime.iv.shapes.shaped_effects import fit_in_shape
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.records.record import Record

@@ -43,8 +43,8 @@ class Explained:
     unsolved : array, shape (c, c), or 0
         The part of `drift` that is of effects: held and not estimated, or what else could stand for them. It
         is a matter of what is recorded, whichever way that is fitted.
-    shown : Score, optional
-        Of what the residual of a fit in physical parameters shows first of what can be estimated.
+    shown : (Effect, float), optional
+        What the residual of a fit in physical parameters shows first of what can be estimated, and its size.
     """
 
     observation: Observation
@@ -55,7 +55,7 @@ class Explained:
     advice: tuple[Advice, ...]
     held: Score | None = None
     unsolved: FloatArray | float = 0.0
-    shown: Score | None = None
+    shown: tuple[Effect, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ def with_carried_effects(job: Job, found: Explained) -> Explained:
     told = tuple(
         estimated(effect, size, ())
         for effect, size, (_, std) in zip(job.effects, sizes, carried.sizes, strict=True)
-        if abs(size) > ZERO_APART * std
+        if effect.words and abs(size) > ZERO_APART * std
     )
     return replace(found, effects=job.effects, sizes=sizes, advice=(*told, *found.advice))
 

@@ -155,9 +155,11 @@ def with_shown_effects(begun: Begun) -> Begun:
     for _ in range(SHOWN_EFFECTS):
         shown, found = begun.found.shown, with_carried_effects(begun.task.job, begun.found)
         known = {effect.name for effect in found.effects}
-        if shown is None or shown.effect.name in known or not exceeding(begun):
+        if shown is None or shown[0].name in known or not exceeding(begun):
             break
-        effects, sizes = (*found.effects, shown.effect), (*found.sizes, shown.size)
+        # a change of shape is linear, and intervals know of it
+        effects = (*found.effects, shown[0], *shown[0].shape(len(begun.task.records)))
+        sizes = (*found.sizes, shown[1])
         job = replace(begun.task.job, effects=effects, sizes=sizes)
         try:
             again = run_method(begun_at(replace(begun.task, job=job), begun), begun.task.method)

@@ -17,9 +17,11 @@ from modelgen.runtime.iv.effect import Effect, unlike
 from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
-from modelgen.runtime.iv.mass_search import further_masses
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.score_tests import Score, Span, moves_within, scores, stacked
+from modelgen.runtime.iv.shapes.mass_search import further_masses
+from modelgen.runtime.iv.shapes.ripple_search import ripples
+from modelgen.runtime.iv.shapes.shape_search import ShapeRows
 from modelgen.runtime.iv.thresholds import EXACTNESS, LITTLE_OWN
 from modelgen.runtime.iv.told_effects import within_rounding
 from modelgen.runtime.least_squares.fit import Fit
@@ -31,7 +33,8 @@ class Seen:
     """What a residual says: scores, effects that are nearly columns, and rows that grow with those tested.
 
     Sizes that no channel can have do not matter, and stand in for nothing.
-    `masses` are further masses with which least squares leave clearly less, where it is more than noise.
+    `shapes` are further masses and ripples with which least squares leave clearly less, where it is more than
+    noise.
     `rounded` names those, estimated or not, that encoders are too coarse for.
     `folded` is what forces move that bend between samples, as a mean square, shape (c, c).
     """
@@ -40,7 +43,7 @@ class Seen:
     hidden: tuple[Effect, ...] = ()
     tested: tuple[Effect, ...] = ()
     rows: tuple[Sequence[FloatArray], ...] = ()
-    masses: tuple[Effect, ...] = ()
+    shapes: tuple[Effect, ...] = ()
     folded: FloatArray | None = None
     rounded: frozenset[str] = frozenset()
 
@@ -51,12 +54,13 @@ def look(
     known: Sequence[Effect],
     slope: FloatArray | None,
     kinds: Sequence[str] = (),
-    masses_too: bool = False,
+    shapes_too: bool = False,
 ) -> Seen:
     """Return what the residual says of effects that are not estimated, of `kinds` if any.
 
     `slope` says how X grows with the parameters that were fitted in its place, in SI, shape (c, p).
-    Further masses are searched for where they are asked for, and a row leaves far more than noise.
+    Further masses and ripples are searched for where shapes are asked for, and a row leaves far more than
+    noise.
     """
     try:
         simulated = simulated_records(now.fit, now.setting, known, now.sizes)
@@ -75,9 +79,13 @@ def look(
     span = Span(now.fit, others, slope)
     found = _one_a_name(scores(span, tested, rows))
     best = {one.effect.name: one.effect for one in found}
-    masses: tuple[Effect, ...] = ()
-    if masses_too and not job.model.cubic_springs and _unexplained(job, now):
-        masses = tuple(further_masses(now.fit, now.setting, simulated, known, others))
+    shapes: tuple[Effect, ...] = ()
+    if shapes_too and not job.model.cubic_springs and _unexplained(job, now):
+        shaped, names = ShapeRows(now.fit, now.setting, simulated, others), {effect.name for effect in known}
+        shapes = ripples(shaped, names)
+        # steps in physical parameters take a size along and no shape: a mass is far off without it
+        if now.fit.carried is None:
+            shapes = (*further_masses(shaped, names), *shapes)
     doubtful = [tested.index(one.effect) for one in found if one.matters]
     if doubtful:
         seen = [tested[index] for index in doubtful]
@@ -96,7 +104,7 @@ def look(
     kept = [best.get(effect.name, effect) is effect and effect.name not in beyond for effect in tested]
     left = [entry for entry, stays in zip(zip(tested, rows, strict=True), kept, strict=True) if stays]
     shown, told_by = tuple(one for one, _ in left), tuple(row for _, row in left)
-    return Seen(found, hidden, shown, told_by, masses, folded, rounded)
+    return Seen(found, hidden, shown, told_by, shapes, folded, rounded)
 
 
 def _without_noise(
@@ -151,8 +159,6 @@ def believable(effect: Effect, size: float, late: Mapping[str, float], records: 
 
 def _unexplained(job: Job, now: Freed) -> bool:
     """Tell whether a row leaves far more than noise, and than rows are exact to."""
-    if now.fit.carried is not None:
-        return False
     return bool(exceeding_noise(job.model, job.records, job.choice, now.fit, OVER_NOISE, EXACTNESS))
 
 

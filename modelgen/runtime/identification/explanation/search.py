@@ -28,14 +28,15 @@ from modelgen.runtime.identification.thresholds import (
     LITTLE_LEFT,
     MOST_EFFECTS,
     MOST_TRIED,
+    RIPPLE_ALONE,
     ROUGH,
     SEARCH_STEPS,
     TRIED_TOO,
 )
-from modelgen.runtime.iv.effect import AT_REVERSALS, LATE, LOW_PASSES, Effect
+from modelgen.runtime.iv.effect import AT_REVERSALS, LATE, LOW_PASSES, RIPPLE, Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.score_tests import Score
-from modelgen.runtime.iv.shaped_effects import fit_in_shape
+from modelgen.runtime.iv.shapes.shaped_effects import fit_in_shape
 from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS, LEVEL, LITTLE_OWN
 from modelgen.runtime.iv.told_effects import below_noise, left
 from modelgen.runtime.numerics.tails import normal_beyond
@@ -96,13 +97,13 @@ class Search:
 
     def look(self) -> Seen:
         """Return what the residual shows of effects that are not estimated."""
-        return look(self.job, self.now, self.effects, self.slope, masses_too=len(self.effects) == self.given)
+        return look(self.job, self.now, self.effects, self.slope, shapes_too=len(self.effects) == self.given)
 
     def step(self, seen: Seen) -> Search:
         """Return the search with the effect estimated that leaves least, or at its end."""
         shown = [one for one in seen.found if one.matters and one.effect.possible(one.size)]
         room = len(self.effects) < self.given + MOST_EFFECTS and len(self.before) < SEARCH_STEPS
-        tried = [one for one in self._with_mass(seen.masses)] if room else []
+        tried = [one for one in self._in_shape(seen.shapes)] if room else []
         if not tried and not shown:
             likely = likely_of(seen.found)
             return replace(self._holding(likely[0]), held=likely[0]) if likely else replace(self, ended=True)
@@ -122,10 +123,10 @@ class Search:
             for effect, size, std in zip(self.effects, self.now.sizes, self.now.stds, strict=True)
         ]
 
-    def _with_mass(self, masses: Sequence[Effect]) -> Iterator[tuple[Effect, tuple[Effect, ...], Freed]]:
-        """Yield the fits with a further mass that is certain and leaves clearly less."""
+    def _in_shape(self, shapes: Sequence[Effect]) -> Iterator[tuple[Effect, tuple[Effect, ...], Freed]]:
+        """Yield the fits with a further mass, or a ripple, that is certain and leaves clearly less."""
         least = normal_beyond(0.5 * LEVEL)
-        for effect in masses:
+        for effect in shapes:
             found = self._freed(effect)
             if found is None or found[1].fit.misfit > self.now.fit.misfit - AS_LIKELY:
                 continue
@@ -203,6 +204,11 @@ class Search:
         )
         return effect.possible(size) and not nothing and believable(effect, size, late, self.job.records)
 
+    def _inexact(self, effect: Effect, freed: Freed) -> float:
+        """Return the share to which what an effect moves is unknown; a ripple's harmonics would be left."""
+        seen = effect.kind == RIPPLE and leaves_noise(self.job, freed.fit)
+        return RIPPLE_ALONE if seen else INEXACT.get(effect.kind, 0.0)
+
     def _out_of_step(self, effect: Effect, size: float) -> float:
         """Return by how many samples a delay, or a clock at the end, is out of step; infinite for others."""
         if effect.kind == "clock":
@@ -241,7 +247,7 @@ class Search:
             effects, freed = self._freed(effect, freed.sizes[-1]) or (effects, freed)
         names = _names(effects)
         kinds = {one.kind for one in self.effects if one.name in names}
-        share = 1.0 if ROUGH & kinds else INEXACT.get(effect.kind, 0.0)
+        share = 1.0 if ROUGH & kinds else self._inexact(effect, freed)
         change = share * (freed.fit.solution.x - self.now.fit.solution.x)
         # what an effect moved that is estimated no more says nothing of the others
         changes = {one: self.changes[one] for one in self.changes if one in names} | {effect.name: change}

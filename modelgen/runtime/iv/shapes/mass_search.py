@@ -1,0 +1,55 @@
+"""Which further mass leaves least of the rows: from a grid of frequencies on."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+import numpy as np
+
+from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.instrumental_variables import Setting
+from modelgen.runtime.iv.shapes.further_mass import further_mass
+from modelgen.runtime.iv.shapes.shape_search import ShapeRows
+from modelgen.runtime.iv.thresholds import (
+    FIRST_DAMPING,
+    RESONANCE_GRID,
+    RESONANCES_FROM,
+    RESONANCES_TO,
+    RESONANCES_TRIED,
+)
+
+# Frequency and damping; how the mass moves when a record begins is linear.
+NUMBERS = 2
+
+
+def further_masses(rows: ShapeRows, names: Collection[str]) -> Iterator[Effect]:
+    """Yield for each body the further mass with which clearly less is left, if there is one.
+
+    Parameters
+    ----------
+    rows : ShapeRows
+    names : collection of str
+        Those of effects that are estimated already.
+    """
+    seen, limit = rows.limits
+    for body in rows.simulated[0].plant.bodies:
+        grid = [further_mass(body, hz, FIRST_DAMPING) for hz in _frequencies(rows.setting)]
+        if grid[0].name in names:
+            continue
+        at_grid = sorted(
+            ((one, rows.left(rows.columns((one,))).least) for one in grid), key=lambda pair: pair[1]
+        )
+        begun = [one for one, misfit in at_grid[:RESONANCES_TRIED] if misfit < seen]
+        tried = [rows.sharpened(one, NUMBERS) for one in begun]
+        best = min(tried, key=lambda pair: pair[1], default=None)
+        if best is not None and best[1] < limit:
+            yield best[0]
+
+
+def _frequencies(setting: Setting) -> list[float]:
+    """Return the frequencies in Hz at which a further mass is looked for."""
+    choice, fs = setting.choice, min(record.fs for record in setting.records)
+    low = RESONANCES_FROM * (choice.dynamics_hz or choice.cutoff_hz)
+    high = min(RESONANCES_TO * choice.cutoff_hz, 0.5 * fs)
+    count = max(2, round(float(np.log(high / low) / np.log(RESONANCE_GRID))))
+    return [float(hz) for hz in np.geomspace(low, high, count)]

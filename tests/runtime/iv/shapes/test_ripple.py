@@ -1,0 +1,134 @@
+"""A force periodic in a position: its columns, the search for its period, and what identify says of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from modelgen.cli.candidates import spec_model
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.iv.companion_simulation import Simulated, simulated_beside
+from modelgen.runtime.iv.shapes.ripple import position, ripple
+from modelgen.runtime.iv.shapes.ripple_search import _spectrum
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.simulate import simulate
+from modelgen.spec.load import parse_spec
+from tests.runtime.two_mass_records import SMALL, TRUTH, two_mass_records
+
+CHAIN = """
+[chain]
+name = "own"
+motion = "rotation"
+[[bodies]]
+name = "m"
+inertia = "J_m"
+viscous = "F_vm"
+coulomb = "F_sm"
+actuator = "T"
+[[bodies]]
+name = "g"
+inertia = "J_g"
+[[links]]
+bodies = ["m", "g"]
+stiffness = "K"
+damping = "D"
+"""
+THIRD = """
+[[bodies]]
+name = "c"
+inertia = "J_c"
+[[links]]
+bodies = ["g", "c"]
+stiffness = "K_c"
+damping = "D_c"
+"""
+TWO = spec_model(
+    parse_spec(CHAIN + '[sensors.s]\nq_m = { body = "m", measures = "position" }\n'
+               'q_g = { body = "g", measures = "position" }\n', "two.toml"), "s")  # fmt: skip
+THREE = spec_model(
+    parse_spec(CHAIN + THIRD + '[sensors.s]\nq_m = { body = "m", measures = "position" }\n'
+               'q_c = { body = "c", measures = "position" }\n', "three.toml"), "s")  # fmt: skip
+KNOWN = {"J_m": 2e-3, "F_vm": 0.02, "F_sm": 0.4, "J_g": 6e-3, "K": 1500.0, "D": 0.6}
+FURTHER = {"J_c": 3e-3, "K_c": 2500.0, "D_c": 0.4}
+NUMBER, AMPLITUDE = 14.0, 0.12
+
+
+def rippled(model: Model, values: dict[str, float], seed: int) -> list[Record]:
+    """Return a chirp and a trapezoid of a drive that cogs, 14 periods a turn, by 0.12 N m.
+
+    A motor that is pushed by a force of its position is one without it whose torque is less by it. In coarser
+    steps the simulation would be off by more than noise.
+    """
+    found = []
+    for kind in ("chirp", "trapezoid"):
+        clean = simulate(model, values, kind, fs=2000.0, duration_s=3.0, oversample=40).record.signals
+        rng = np.random.default_rng([seed, len(found)])
+        force = clean["T"] + AMPLITUDE * np.sin(NUMBER * clean["q_m"] + 1.0)
+        noise = {key: 3e-6 * rng.standard_normal(len(force)) for key in clean if key.startswith("q_")}
+        signals = {key: clean[key] + noise[key] for key in noise}
+        found.append(Record({"T": force + 2e-3 * rng.standard_normal(len(force)), **signals}, 2000.0, kind))
+    return found
+
+
+def simulated_alone() -> Simulated:
+    record = two_mass_records(noise=0.0)[0].part(0, 2000, "short")
+    return simulated_beside(SMALL, TRUTH, record, choose_filter(SMALL, (record,)))
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_number_and_phase_change_the_effect_as_their_columns_say(place: int) -> None:
+    simulated, size, step = simulated_alone(), 2e-3, 1e-4
+    wave = ripple(SMALL, "c", 1.0, 40.0, [0.3])
+    assert wave.moved is not None
+    steps = [size * step if index == place else 0.0 for index in range(2)]
+    near = [wave.moved(size, [sign * by for by in steps]) for sign in (1.0, -1.0)]
+    more, less = (one.changes(simulated)["q_c"] for one in near)
+    expected = wave.shape(1)[place].changes(simulated)["q_c"]
+    scale = float(np.max(np.abs(expected)))
+    np.testing.assert_allclose((more - less) / (2.0 * step), expected, atol=1e-5 * scale)
+
+
+def test_each_record_has_a_phase_of_its_own() -> None:
+    simulated = simulated_alone()
+    of_first, of_second = ripple(SMALL, "c", 1.0, 40.0, [0.3, 0.5]).shape(2)[1:]
+    assert of_first.changes(simulated) and not of_second.changes(simulated)
+    assert of_second.changes(replace(simulated, index=1))
+
+
+def test_position_is_the_measured_one_whatever_the_simulation_drifts_by() -> None:
+    simulated = simulated_alone()
+    drifted = {**simulated.motion, "q_c": simulated.motion["q_c"] + np.linspace(0.0, 2.0, simulated.record.n)}
+    record = simulated.record.edited({"q_c": drifted["q_c"]})
+    away = replace(simulated, motion=drifted, record=record)
+    np.testing.assert_allclose(position(away, "c"), position(simulated, "c"), atol=0.01)
+
+
+def test_the_spectrum_is_the_sum_over_positions() -> None:
+    rng = np.random.default_rng(3)
+    place, samples = np.sort(rng.uniform(-2.0, 2.0, 500)), rng.standard_normal(500)
+    step, count = 2.0 * np.pi / 16.0, 30
+    direct = np.exp(-1j * step * np.arange(count)[:, None] * place) @ samples
+    np.testing.assert_allclose(np.abs(_spectrum(samples, place, step, count)), np.abs(direct), atol=4.0)
+
+
+def test_a_drive_that_cogs_is_told_with_its_periods_and_moves_nothing() -> None:
+    estimate = identify(TWO, rippled(TWO, KNOWN, 1))
+    said = " ".join(advice.what for advice in estimate.checks.advice)
+    assert "a force that varies with the position of m acts on it, 14 periods a turn (amplitude 0.12)" in said
+    for found in estimate.parameters.physical:
+        assert found.value == pytest.approx(KNOWN[found.name], abs=2.5 * found.std)
+        assert found.std < 0.01 * abs(found.value)
+
+
+@pytest.mark.slow
+def test_beside_a_body_without_a_sensor_as_well() -> None:
+    """Rows are linear in composites: steps are taken in physical parameters, and the ripple with them."""
+    estimate = identify(THREE, rippled(THREE, KNOWN | FURTHER, 2))
+    said = " ".join(advice.what for advice in estimate.checks.advice)
+    assert "a force that varies with the position of m acts on it, 14 periods a turn" in said
+    for found in estimate.parameters.physical:
+        assert found.value == pytest.approx((KNOWN | FURTHER)[found.name], abs=3.0 * found.std)
