@@ -43,7 +43,8 @@ def test_a_body_at_rest_keeps_its_direction_whatever_an_effect_adds() -> None:
     moving = simulated_records(fit, setting)
     resting = []
     for one in moving:
-        held = {key: np.where(np.arange(one.record.n) < one.record.n // 2, samples, samples[one.record.n // 2])
+        middle = one.record.n // 2
+        held = {key: np.r_[np.full(middle, samples[middle]), samples[middle:]]
                 for key, samples in one.record.signals.items()}  # fmt: skip
         resting.append(replace(one, record=one.record.edited(held)))
     whole, rest = (effect_rows(fit, setting, one, (push,))[0] for one in (moving, resting))
