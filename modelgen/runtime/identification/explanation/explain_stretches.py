@@ -33,10 +33,11 @@ from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, WLS, Method
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LATE_CLEARLY, SEARCHED, STRETCHES
-from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.effect import RIPPLE, Effect
 from modelgen.runtime.iv.model_errors import zero_effect
 from modelgen.runtime.iv.score_tests import Score, slope_of
 from modelgen.runtime.iv.shapes.shaped_effects import fit_in_shape
+from modelgen.runtime.iv.told_effects import held_instead
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.records.record import Record
@@ -85,7 +86,7 @@ def decided_by_stretches(
         return decide(task)
     found = _with_effects(whole, plain, told, record_of)
     fit = replace(found.fit, notes=(told.fit.notes[0], *found.fit.notes))
-    return checked(begun_with(whole, replace(found, fit=fit, advice=told.advice)))
+    return checked(begun_with(whole, replace(found, fit=fit)))
 
 
 def explained_by_stretches(task: Task, method: IV, explain: Callable[[Task], Begun]) -> Begun:
@@ -113,16 +114,20 @@ def explained_by_stretches(task: Task, method: IV, explain: Callable[[Task], Beg
     plain = _from_near(task.job, told.fit, method)
     if told.fit.columns != plain.fit.columns:
         return Begun(task, plain)
-    return begun_with(task, replace(_with_effects(task, plain, told, record_of), advice=told.advice))
+    return begun_with(task, _with_effects(task, plain, told, record_of))
 
 
 def _with_effects(task: Task, plain: Explained, told: Explained, record_of: list[int]) -> Explained:
     """Return the fit of whole records with the effects of their stretches, and what else may move it."""
     if not isinstance(task.method, IV):
-        return replace(plain, drift=told.drift, unsolved=told.unsolved)
+        return replace(plain, drift=told.drift, unsolved=told.unsolved, advice=told.advice)
     if not told.effects:
         better = _known_better(task.job, plain, told.held)
-        return replace(plain, drift=told.drift + better, unsolved=told.unsolved + better)
+        drift, unsolved = told.drift + better, told.unsolved + better
+        return replace(plain, drift=drift, unsolved=unsolved, advice=told.advice)
+    if any(effect.kind == RIPPLE for effect in told.effects):
+        # stretches have phases of their own, and do not tell the period well enough for whole records
+        return _held(plain, told)
     effects, job = _of_records(told.effects, record_of, len(task.records)), task.job
     try:
         if plain.fit.carried is not None:
@@ -133,10 +138,15 @@ def _with_effects(task: Task, plain: Explained, told: Explained, record_of: list
             effects, freed = fit_in_shape(job.setting(), job.calm, plain.fit, effects, (), job.sharpened)
             found = Explained(freed.observation, freed.fit, effects, freed.sizes, told.drift, ())
     except (IdentifiabilityError, DataError):
-        move = told.fit.solution.x - plain.fit.solution.x
-        more = np.outer(move, move)
-        return replace(plain, drift=told.drift + more, unsolved=told.unsolved + more)
-    return replace(found, drift=told.drift, unsolved=told.unsolved)
+        return _held(plain, told)
+    return replace(found, drift=told.drift, unsolved=told.unsolved, advice=told.advice)
+
+
+def _held(plain: Explained, told: Explained) -> Explained:
+    """Return the fit of whole records with what the effects of their stretches move in its intervals."""
+    move = told.fit.solution.x - plain.fit.solution.x
+    more, advice = np.outer(move, move), held_instead(told.advice, {})
+    return replace(plain, drift=told.drift + more, unsolved=told.unsolved + more, advice=advice)
 
 
 def _known_better(job: Job, plain: Explained, held: Score | None) -> FloatArray:

@@ -12,7 +12,7 @@ from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.explanation.folded_forces import folded_forces
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.thresholds import OVER_NOISE
+from modelgen.runtime.identification.thresholds import MOST_TRIED, OVER_NOISE
 from modelgen.runtime.iv.effect import Effect, unlike
 from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed
@@ -82,7 +82,7 @@ def look(
     shapes: tuple[Effect, ...] = ()
     if shapes_too and not job.model.cubic_springs and _unexplained(job, now):
         shaped, names = ShapeRows(now.fit, now.setting, simulated, others), {effect.name for effect in known}
-        shapes = ripples(shaped, names)
+        shapes = ripples(shaped, names, [one.effect for one in found if one.matters][:MOST_TRIED])
         # steps in physical parameters take a size along and no shape: a mass is far off without it
         if now.fit.carried is None:
             shapes = (*further_masses(shaped, names), *shapes)

@@ -69,7 +69,10 @@ def wave(
     form: Callable[[FloatArray, FloatArray], FloatArray],
     record: int | None = None,
 ) -> Effect:
-    """Return a force that is a function of a position, from the middle, and of a wave's phase there."""
+    """Return a force that is a function of a position, from the middle, and of a wave's phase there.
+
+    `form` takes both, in rad or m and in rad, shape (n,) each, to the force in N m or N, shape (n,).
+    """
 
     def changes(simulated: Simulated) -> Changes:
         if record not in (None, simulated.index):

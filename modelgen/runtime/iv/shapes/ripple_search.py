@@ -17,15 +17,11 @@ from modelgen.runtime.iv.effect_rows import effect_rows
 from modelgen.runtime.iv.pushed_chain import pushed_body
 from modelgen.runtime.iv.shapes.ripple import position, ripple, ripple_name, wave
 from modelgen.runtime.iv.shapes.shape_search import ShapeRows
-from modelgen.runtime.iv.thresholds import (
-    FEWEST_PERIODS,
-    MOST_PERIODS,
-    RIPPLES_TRIED,
-)
+from modelgen.runtime.iv.thresholds import AS_LIKELY, FEWEST_PERIODS, MOST_PERIODS, RIPPLES_TRIED
 from modelgen.runtime.numerics.block_column import block_column
 
 
-def ripples(rows: ShapeRows, names: Collection[str]) -> tuple[Effect, ...]:
+def ripples(rows: ShapeRows, names: Collection[str], others: Sequence[Effect]) -> tuple[Effect, ...]:
     """Return for each body the ripple with which clearly less is left, if there is one; the least first.
 
     Parameters
@@ -33,9 +29,13 @@ def ripples(rows: ShapeRows, names: Collection[str]) -> tuple[Effect, ...]:
     rows : ShapeRows
     names : collection of str
         Those of effects that are estimated already.
+    others : sequence of Effect
+        A slow ripple may look like these, which have a size only: it has to leave clearly less than each.
     """
-    found = list[tuple[Effect, float]]()
+    found, numbers = list[tuple[Effect, float]](), 1 + rows.records
     seen, limit = rows.limits
+    least = min((rows.left(rows.columns((one,))).misfit for one in others), default=np.inf)
+    limit = min(limit, least - numbers * AS_LIKELY)
     for body in rows.simulated[0].plant.bodies:
         if ripple_name(body) in names:
             continue
@@ -43,7 +43,7 @@ def ripples(rows: ShapeRows, names: Collection[str]) -> tuple[Effect, ...]:
         way = max(float(np.ptp(place)) for place in places)
         begun = [_begun(rows, body, way, number) for number in _numbers(rows, body, places, way)]
         at_peaks = sorted(begun, key=lambda pair: pair[1])[:RIPPLES_TRIED]
-        tried = [rows.sharpened(one, 1 + rows.records) for one, misfit in at_peaks if misfit < seen]
+        tried = [rows.sharpened(one, numbers) for one, misfit in at_peaks if misfit < seen]
         best = min(tried, key=lambda pair: pair[1], default=None)
         if best is not None and best[1] < limit:
             found.append(best)
