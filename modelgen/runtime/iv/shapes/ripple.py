@@ -85,7 +85,7 @@ def wave(
 
 
 def position(simulated: Simulated, body: str) -> FloatArray:
-    """Return the position of a body as it was in the measured record, from the middle of it, shape (n,).
+    """Return the position of a body in the measured record, from its middle, in rad or m, shape (n,).
 
     The simulated one, led by the sensor that shows its slow motion best.
     """
