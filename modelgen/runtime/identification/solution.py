@@ -267,7 +267,14 @@ def on_unseen(task: Task, solution: Solution) -> HeldOut | None:
     choice = replace(job.choice, decimation=decimation)
     apart = replace(job, records=held, choice=choice, late=(), rows_for_tag=rows)
     if job.effects:
-        apart = _with_zeros_of_their_own(apart, isinstance(task.checks.hold_out, Real))
+        from modelgen.runtime.iv.freed_effects import on_other_records
+
+        sized, tails = (
+            dict(zip(job.effects, job.all_sizes, strict=True)),
+            isinstance(task.checks.hold_out, Real),
+        )
+        records, effects, sizes = on_other_records(sized, held, tails)
+        apart = replace(apart, records=records, effects=effects, sizes=sizes, start=None)
     try:
         observation, own = method.run(apart)
         if job.effects and {*fit.columns} <= {*own.columns}:
@@ -278,23 +285,3 @@ def on_unseen(task: Task, solution: Solution) -> HeldOut | None:
         watch = observe if method.matched else observe_paper
         observation = watch(job.model, apart.records, choice, job.drop)
         return held_out(fit, solution.refused, apart.only_rows_for_tag(observation), None)
-
-
-def _with_zeros_of_their_own(apart: Job, tails: bool) -> Job:
-    """Return the job on held-out records: effects as they are, but zeros of sensors those of its records.
-
-    Where these are the `tails` of the records fitted, in their order, zeros are the same and are set right.
-    """
-    from modelgen.runtime.iv.freed_effects import corrected
-    from modelgen.runtime.iv.model_errors import zero_effect
-
-    sized = dict(zip(apart.effects, apart.all_sizes, strict=True))
-    kept = {one: size for one, size in sized.items() if one.record is None}
-    own = {one: size for one, size in sized.items() if one.record is not None}
-    records, count = apart.records, len(apart.records)
-    if tails:
-        records = corrected(records, {}, own.keys(), own.values())
-    keys = () if tails else dict.fromkeys(one.channel for one in own)
-    zeros = [zero_effect(key, index, count) for key in keys for index in range(count)]
-    effects, known = (*kept, *zeros), tuple(kept.values())
-    return replace(apart, records=records, effects=effects, sizes=known, start=None)

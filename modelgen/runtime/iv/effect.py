@@ -74,6 +74,8 @@ class Effect:
         estimated with it.
     moved : callable, optional
         (size, sizes of `shape`) -> the effect with its shape changed by so much.
+    elsewhere : callable
+        Number of records -> what stands for it in so many others, where phases are others: to be found anew.
     varies : tuple of (str, float)
         Physical parameters that are no one number then, and the rms of what they vary by per unit of size.
     relative : bool
@@ -99,6 +101,7 @@ class Effect:
     acting: Callable[[Simulated, float], Simulated] | None = None
     shape: Callable[[int], tuple[Effect, ...]] = lambda records: ()
     moved: Callable[[float, Sequence[float]], Effect] | None = None
+    elsewhere: Callable[[int], tuple[Effect, ...]] = lambda records: ()
     varies: tuple[tuple[str, float], ...] = ()
     relative: bool = False
     turns: str = ""

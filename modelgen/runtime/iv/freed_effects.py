@@ -10,9 +10,10 @@ import numpy as np
 from modelgen.array_types import BoolArray, FloatArray
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.divergence import diverged, refuse_few, refuse_runaway
-from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.effect import RIPPLE, Effect
 from modelgen.runtime.iv.effect_rows import effect_rows, simulated_records
 from modelgen.runtime.iv.instrumental_variables import Setting, instruments, weighed
+from modelgen.runtime.iv.model_errors import zero_effect
 from modelgen.runtime.iv.thresholds import (
     EFFECT_CHANGE,
     EFFECT_MOVE,
@@ -205,6 +206,26 @@ def corrected(
             record = effect.corrected(record, index, size)
         found.append(record)
     return tuple(found)
+
+
+def on_other_records(
+    sized: Mapping[Effect, float], records: tuple[Record, ...], tails: bool
+) -> tuple[tuple[Record, ...], tuple[Effect, ...], tuple[float, ...]]:
+    """Return records that effects with their sizes were not found on, effects of these, and the known sizes.
+
+    Effects are as they are, but zeros of sensors and phases those of the records. Where these are the `tails`
+    of the records fitted, in their order, zeros are the same and are set right.
+    """
+    count = len(records)
+    waves = [wave for one in sized for wave in one.elsewhere(count)]
+    sized = {one: size for one, size in sized.items() if one.kind != RIPPLE}
+    kept = {one: size for one, size in sized.items() if one.record is None}
+    own = {one: size for one, size in sized.items() if one.record is not None}
+    if tails:
+        records = corrected(records, {}, own.keys(), own.values())
+    keys = () if tails else dict.fromkeys(one.channel for one in own)
+    zeros = [zero_effect(key, index, count) for key in keys for index in range(count)]
+    return records, (*kept, *zeros, *waves), tuple(kept.values())
 
 
 def _late_rows(fit: Fit, setting: Setting, delays: Mapping[str, float]) -> Grown:

@@ -35,9 +35,9 @@ def ripple(model: Model, body: str, way: float, number: float, phases: Sequence[
 
     def shape(records: int) -> tuple[Effect, ...]:
         return (
-            part("number", lambda p, wave: p * np.cos(wave)),
+            part("number", lambda p, phase: p * np.cos(phase)),
             *(
-                part(f"phase in record {index + 1}", lambda _, wave: np.cos(wave), index)
+                part(f"phase in record {index + 1}", lambda _, phase: np.cos(phase), index)
                 for index in range(records)
             ),
         )
@@ -53,8 +53,28 @@ def ripple(model: Model, body: str, way: float, number: float, phases: Sequence[
 
     words = f"a force that varies with the position of {body} acts on it, {_period(model, body, number)}"
     remedy = "compensate it in the drive (cogging, ripple of the force), or move over more of its periods"
-    effect = wave(body, number, phases, lambda _, wave: np.sin(wave))
-    return replace(effect, name=ripple_name(body), words=words, remedy=remedy, shape=shape, moved=moved)
+    return replace(
+        wave(body, number, phases, lambda _, phase: np.sin(phase)),
+        name=ripple_name(body),
+        words=words,
+        remedy=remedy,
+        shape=shape,
+        moved=moved,
+        elsewhere=lambda records: waves(body, number, records),
+    )
+
+
+def waves(body: str, number: float, records: int) -> tuple[Effect, ...]:
+    """Return a sine and a cosine of so many radians per rad or m in each of so many records."""
+    zero = [0.0] * records
+    return tuple(
+        replace(wave(body, number, zero, form, index), name=f"{name} on {body} in record {index + 1}")
+        for index in range(records)
+        for name, form in (
+            ("sine", lambda _, phase: np.sin(phase)),
+            ("cosine", lambda _, phase: np.cos(phase)),
+        )
+    )
 
 
 def ripple_name(body: str) -> str:

@@ -15,7 +15,7 @@ from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import RIPPLE, Changes, Effect
 from modelgen.runtime.iv.effect_rows import effect_rows
 from modelgen.runtime.iv.pushed_chain import pushed_body
-from modelgen.runtime.iv.shapes.ripple import position, ripple, ripple_name, wave
+from modelgen.runtime.iv.shapes.ripple import position, ripple, ripple_name, waves
 from modelgen.runtime.iv.shapes.shape_search import ShapeRows
 from modelgen.runtime.iv.thresholds import AS_LIKELY, FEWEST_PERIODS, MOST_PERIODS, RIPPLES_TRIED
 from modelgen.runtime.numerics.block_column import block_column
@@ -52,13 +52,7 @@ def ripples(rows: ShapeRows, names: Collection[str], others: Sequence[Effect]) -
 
 def _begun(rows: ShapeRows, body: str, way: float, number: float) -> tuple[Effect, float]:
     """Return the ripple of so many radians per rad or m with its phases, and what is left with it."""
-    zero = [0.0] * rows.records
-    parts = [
-        wave(body, number, zero, form, index)
-        for index in range(rows.records)
-        for form in (lambda _, wave: np.sin(wave), lambda _, wave: np.cos(wave))
-    ]
-    left = rows.left(rows.columns(parts))
+    left = rows.left(rows.columns(waves(body, number, rows.records)))
     sine, cosine = np.reshape(left.sizes, (-1, 2)).T
     return ripple(rows.setting.model, body, way, number, np.arctan2(cosine, sine).tolist()), left.misfit
 

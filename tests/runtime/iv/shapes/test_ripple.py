@@ -10,6 +10,7 @@ import pytest
 from modelgen.cli.candidates import spec_model
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import CheckOptions
 from modelgen.runtime.iv.companion_simulation import Simulated, simulated_beside
 from modelgen.runtime.iv.shapes.ripple import position, ripple
 from modelgen.runtime.iv.shapes.ripple_search import _spectrum
@@ -132,3 +133,12 @@ def test_beside_a_body_without_a_sensor_as_well() -> None:
     assert "a force that varies with the position of m acts on it, 14 periods a turn" in said
     for found in estimate.parameters.physical:
         assert found.value == pytest.approx((KNOWN | FURTHER)[found.name], abs=3.0 * found.std)
+
+
+def test_records_that_are_held_out_have_phases_of_their_own() -> None:
+    """The period is known; a phase is that of the middle of a record, and tells nothing of another one."""
+    estimate = identify(TWO, rippled(TWO, KNOWN, 3), checks=CheckOptions(hold_out=0.3))
+    held = estimate.checks.held_out
+    assert held is not None
+    assert all(row.relative_error < 4.0 * (row.fitted_error or 0.0) for row in held.rows)
+    assert not any(move.significant for move in held.moves)
