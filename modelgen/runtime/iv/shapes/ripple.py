@@ -1,13 +1,13 @@
-"""A force that is periodic in the position of a body, as of cogging, a drive's ripple or a gear's teeth.
+"""What is periodic in the position of a body: a force on it (cogging, teeth), or an error of its encoder.
 
-Its size is the amplitude; how many radians of it pass per radian or metre of the body, and its phase in each
+The size is the amplitude; how many radians of it pass per radian or metre of the body, and its phase in each
 record, where positions may have other zeros, are its shape.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,8 +21,33 @@ from modelgen.runtime.iv.thresholds import LED_ORDER, LONGEST_PHASE
 from modelgen.runtime.model.model import Model
 
 
-def ripple(model: Model, body: str, way: float, number: float, phases: Sequence[float]) -> Effect:
-    """Return a force on a body that is a sine of its position, in radians per rad or m.
+@dataclass(frozen=True)
+class Place:
+    """What is periodic in the position of a body: a force on it, or what the position sensor `key` reads."""
+
+    body: str
+    key: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name of the effect."""
+        return f"periodic error of {self.key}" if self.key else f"ripple on {self.body}"
+
+    def changes(self, simulated: Simulated, samples: FloatArray) -> Changes:
+        """Return what samples of it, in N m, N, rad or m, shape (n,), change in the channels."""
+        return {self.key: samples} if self.key else pushed_body(simulated, self.body, samples)
+
+
+def places_of(model: Model, bodies: Sequence[str]) -> tuple[Place, ...]:
+    """Return all places of a model."""
+    read = [
+        one for one in model.sensors if one.measures == "position" and one.body and one.key in model.channels
+    ]
+    return (*map(Place, bodies), *(Place(one.body or "", one.key or "") for one in read))
+
+
+def ripple(model: Model, at: Place, way: float, number: float, phases: Sequence[float]) -> Effect:
+    """Return what is a sine of a position at a place, in radians per rad or m.
 
     `way` is the longest that the body goes in a record, in rad or m; `phases` are those in its middle, by
     record, in rad.
@@ -31,7 +56,7 @@ def ripple(model: Model, body: str, way: float, number: float, phases: Sequence[
     def part(
         name: str, form: Callable[[FloatArray, FloatArray], FloatArray], record: int | None = None
     ) -> Effect:
-        return replace(wave(body, number, phases, form, record), name=f"{name} of a ripple on {body}")
+        return replace(wave(at, number, phases, form, record), name=f"{name} of a {at.name}")
 
     def shape(records: int) -> tuple[Effect, ...]:
         return (
@@ -44,31 +69,35 @@ def ripple(model: Model, body: str, way: float, number: float, phases: Sequence[
 
     def moved(size: float, steps: Sequence[float]) -> Effect:
         if not size:
-            return ripple(model, body, way, number, phases)
+            return ripple(model, at, way, number, phases)
         by = np.asarray(steps) / size
         # at the ends of the way a step of the number is one of phase
         longest = np.r_[min(2.0 * LONGEST_PHASE / way, 0.5 * number), np.full(len(phases), LONGEST_PHASE)]
         steps_taken = np.clip(by, -longest, longest)
-        return ripple(model, body, way, number + float(steps_taken[0]), (phases + steps_taken[1:]).tolist())
+        return ripple(model, at, way, number + float(steps_taken[0]), (phases + steps_taken[1:]).tolist())
 
-    words = f"a force that varies with the position of {body} acts on it, {_period(model, body, number)}"
+    period = _period(model, at.body, number)
+    words = f"a force that varies with the position of {at.body} acts on it, {period}"
     remedy = "compensate it in the drive (cogging, ripple of the force), or move over more of its periods"
+    if at.key:
+        words = f"{at.key} has an error that is periodic in what it reads, {period}"
+        remedy = "calibrate it over a period (an eccentric scale, a resolver), or move over more of them"
     return replace(
-        wave(body, number, phases, lambda _, phase: np.sin(phase)),
-        name=ripple_name(body),
+        wave(at, number, phases, lambda _, phase: np.sin(phase)),
+        name=at.name,
         words=words,
         remedy=remedy,
         shape=shape,
         moved=moved,
-        elsewhere=lambda records: waves(body, number, records),
+        elsewhere=lambda records: waves(at, number, records),
     )
 
 
-def waves(body: str, number: float, records: int) -> tuple[Effect, ...]:
+def waves(at: Place, number: float, records: int) -> tuple[Effect, ...]:
     """Return a sine and a cosine of so many radians per rad or m in each of so many records."""
     zero = [0.0] * records
     return tuple(
-        replace(wave(body, number, zero, form, index), name=f"{name} on {body} in record {index + 1}")
+        replace(wave(at, number, zero, form, index), name=f"{name} of a {at.name} in record {index + 1}")
         for index in range(records)
         for name, form in (
             ("sine", lambda _, phase: np.sin(phase)),
@@ -77,31 +106,26 @@ def waves(body: str, number: float, records: int) -> tuple[Effect, ...]:
     )
 
 
-def ripple_name(body: str) -> str:
-    """Return the name of the ripple on a body."""
-    return f"ripple on {body}"
-
-
 def wave(
-    body: str,
+    at: Place,
     number: float,
     phases: Sequence[float],
     form: Callable[[FloatArray, FloatArray], FloatArray],
     record: int | None = None,
 ) -> Effect:
-    """Return a force that is a function of a position, from the middle, and of a wave's phase there.
+    """Return what is a function of a position, from the middle, and of a wave's phase there.
 
-    `form` takes both, in rad or m and in rad, shape (n,) each, to the force in N m or N, shape (n,).
+    `form` takes both, in rad or m and in rad, shape (n,) each, to the force in N m or N, or the error in rad
+    or m, shape (n,).
     """
 
     def changes(simulated: Simulated) -> Changes:
         if record not in (None, simulated.index):
             return {}
-        place = position(simulated, body)
-        force = form(place, number * place + phases[simulated.index])
-        return pushed_body(simulated, body, force)
+        place = position(simulated, at.body)
+        return at.changes(simulated, form(place, number * place + phases[simulated.index]))
 
-    return Effect(f"wave on {body}", RIPPLE, "", "", "", changes, record=record)
+    return Effect(at.name, RIPPLE, "", "", "", changes, record=record)
 
 
 def position(simulated: Simulated, body: str) -> FloatArray:

@@ -1,7 +1,7 @@
-"""Which force periodic in a body's position leaves least of the rows: from the spectrum of what they leave.
+"""Which force or error periodic in a body's position leaves least of the rows: from what they leave.
 
-What is left, taken through the same filters backwards, is the part of it that a force on the body explains;
-its spectrum over the position, and not over time, shows the period.
+What is left, taken through the same filters backwards, is the part of it that a force on the body explains,
+or an error of its sensor; its spectrum over the position, and not over time, shows the period.
 """
 
 from __future__ import annotations
@@ -14,15 +14,14 @@ from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import RIPPLE, Changes, Effect
 from modelgen.runtime.iv.effect_rows import effect_rows
-from modelgen.runtime.iv.pushed_chain import pushed_body
-from modelgen.runtime.iv.shapes.ripple import position, ripple, ripple_name, waves
+from modelgen.runtime.iv.shapes.ripple import Place, places_of, position, ripple, waves
 from modelgen.runtime.iv.shapes.shape_search import ShapeRows
 from modelgen.runtime.iv.thresholds import AS_LIKELY, FEWEST_PERIODS, MOST_PERIODS, RIPPLES_TRIED
 from modelgen.runtime.numerics.block_column import block_column
 
 
 def ripples(rows: ShapeRows, names: Collection[str], others: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Return for each body the ripple with which clearly less is left, if there is one; the least first.
+    """Return for each place the ripple with which clearly less is left, if there is one; the least first.
 
     Parameters
     ----------
@@ -36,12 +35,12 @@ def ripples(rows: ShapeRows, names: Collection[str], others: Sequence[Effect]) -
     seen, limit = rows.limits
     least = min((rows.left(rows.columns((one,))).misfit for one in others), default=np.inf)
     limit = min(limit, least - numbers * AS_LIKELY)
-    for body in rows.simulated[0].plant.bodies:
-        if ripple_name(body) in names:
+    for at in places_of(rows.setting.model, rows.simulated[0].plant.bodies):
+        if at.name in names:
             continue
-        places = [position(one, body) for one in rows.simulated]
+        places = [position(one, at.body) for one in rows.simulated]
         way = max(float(np.ptp(place)) for place in places)
-        begun = [_begun(rows, body, way, number) for number in _numbers(rows, body, places, way)]
+        begun = [_begun(rows, at, way, number) for number in _numbers(rows, at, places, way)]
         at_peaks = sorted(begun, key=lambda pair: pair[1])[:RIPPLES_TRIED]
         tried = [rows.sharpened(one, numbers) for one, misfit in at_peaks if misfit < seen]
         best = min(tried, key=lambda pair: pair[1], default=None)
@@ -50,23 +49,23 @@ def ripples(rows: ShapeRows, names: Collection[str], others: Sequence[Effect]) -
     return tuple(effect for effect, _ in sorted(found, key=lambda pair: pair[1]))
 
 
-def _begun(rows: ShapeRows, body: str, way: float, number: float) -> tuple[Effect, float]:
+def _begun(rows: ShapeRows, at: Place, way: float, number: float) -> tuple[Effect, float]:
     """Return the ripple of so many radians per rad or m with its phases, and what is left with it."""
-    left = rows.left(rows.columns(waves(body, number, rows.records)))
+    left = rows.left(rows.columns(waves(at, number, rows.records)))
     sine, cosine = np.reshape(left.sizes, (-1, 2)).T
-    return ripple(rows.setting.model, body, way, number, np.arctan2(cosine, sine).tolist()), left.misfit
+    return ripple(rows.setting.model, at, way, number, np.arctan2(cosine, sine).tolist()), left.misfit
 
 
-def _numbers(rows: ShapeRows, body: str, places: Sequence[FloatArray], longest: float) -> list[float]:
+def _numbers(rows: ShapeRows, at: Place, places: Sequence[FloatArray], longest: float) -> list[float]:
     """Return in rad per rad or m where the spectrum over the position is largest, one an octave."""
-    slow = rows.simulated[0].slow[body]
+    slow = rows.simulated[0].slow[at.body]
     if not longest > 0.0:
         return []
     least = 2.0 * np.pi * FEWEST_PERIODS / longest
     most = min(2.0 * np.pi * rows.setting.choice.cutoff_hz / slow, 2.0 * np.pi * MOST_PERIODS / longest)
     if most <= least:
         return []
-    felt = _felt(rows, body)
+    felt = _felt(rows, at)
     # four points a bin of the longest way
     step = 2.0 * np.pi / (4.0 * longest)
     number = step * np.arange(int(most / step) + 1, dtype=float)
@@ -96,8 +95,8 @@ def _spectrum(samples: FloatArray, place: FloatArray, step: float, count: int) -
     return np.asarray(np.fft.rfft(gathered)[:count])
 
 
-def _felt(rows: ShapeRows, body: str) -> list[FloatArray]:
-    """Return what a force on a body would have to be like at each sample to be left in the rows, by record.
+def _felt(rows: ShapeRows, at: Place) -> list[FloatArray]:
+    """Return what would have to act at a place at each sample to be left in the rows, by record.
 
     Filters are linear: weighted residuals that pass them backwards are sums of what each instant adds.
     """
@@ -113,9 +112,9 @@ def _felt(rows: ShapeRows, body: str) -> list[FloatArray]:
             block, n = fit.blocks[index], simulated.record.n
             grid = np.zeros(block.grid)
             grid[block.place] = fit.weights[index] ** 2 * fit.residuals[index]
-            at = block.start + setting.choice.decimation[block.record] * np.arange(block.grid)
-            whole = np.interp(np.arange(n), at, grid, 0.0, 0.0)
-            return pushed_body(simulated, body, whole[::-1])
+            kept_at = block.start + setting.choice.decimation[block.record] * np.arange(block.grid)
+            whole = np.interp(np.arange(n), kept_at, grid, 0.0, 0.0)
+            return at.changes(simulated, whole[::-1])
 
         return Effect(f"row {row} backwards", RIPPLE, "", "", "", changes)
 
@@ -126,6 +125,6 @@ def _felt(rows: ShapeRows, body: str) -> list[FloatArray]:
             block = fit.blocks[index]
             if block.row == row:
                 samples = found[block.record]
-                at = block.start + setting.choice.decimation[block.record] * block.place
-                samples[len(samples) - 1 - at] += part
+                kept_at = block.start + setting.choice.decimation[block.record] * block.place
+                samples[len(samples) - 1 - kept_at] += part
     return found
