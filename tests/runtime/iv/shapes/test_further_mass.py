@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from modelgen.cli.candidates import spec_model
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.iv.companion_simulation import simulated_beside
@@ -19,45 +18,9 @@ from modelgen.runtime.iv.shapes.further_mass import further_mass
 from modelgen.runtime.simulation.held_chain import held_chain
 from modelgen.runtime.simulation.plant import make_plant
 from modelgen.runtime.simulation.simulate import simulate
-from modelgen.spec.load import parse_spec
+from tests.runtime.iv.shapes.chains import KNOWN, LONG, MASS, SHORT
 from tests.runtime.two_mass_records import SMALL, TRUTH, two_mass_records
 
-TWO = """
-[chain]
-name = "two"
-motion = "rotation"
-[[bodies]]
-name = "m"
-inertia = "J_m"
-viscous = "F_vm"
-coulomb = "F_sm"
-actuator = "T"
-[[bodies]]
-name = "c"
-inertia = "J_c"
-[[links]]
-bodies = ["m", "c"]
-stiffness = "K"
-damping = "D"
-"""
-FURTHER = """
-[[bodies]]
-name = "x"
-inertia = "J_x"
-[[links]]
-bodies = ["c", "x"]
-stiffness = "K_x"
-damping = "D_x"
-"""
-SENSORS = """
-[sensors.s]
-q_m = { body = "m", measures = "position" }
-q_c = { body = "c", measures = "position" }
-"""
-SHORT = spec_model(parse_spec(TWO + SENSORS, "two.toml"), "s")
-LONG = spec_model(parse_spec(TWO + FURTHER + SENSORS, "three.toml"), "s")
-KNOWN = {"J_m": 2e-3, "F_vm": 0.02, "F_sm": 0.4, "J_c": 6e-3, "K": 1500.0, "D": 0.6}
-MASS = {"J_x": 5e-4, "K_x": 400.0, "D_x": 0.03}
 OMEGA = float(np.sqrt(MASS["K_x"] / MASS["J_x"]))
 HZ, DAMPING = OMEGA / (2.0 * np.pi), 0.5 * MASS["D_x"] * OMEGA / MASS["K_x"]
 

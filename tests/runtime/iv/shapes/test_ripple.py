@@ -18,48 +18,17 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.spec.load import parse_spec
+from tests.runtime.iv.shapes.chains import BOTH_SEEN, FURTHER, KNOWN, SHORT, TWO
 from tests.runtime.two_mass_records import SMALL, TRUTH, two_mass_records
 
-CHAIN = """
-[chain]
-name = "own"
-motion = "rotation"
-[[bodies]]
-name = "m"
-inertia = "J_m"
-viscous = "F_vm"
-coulomb = "F_sm"
-actuator = "T"
-[[bodies]]
-name = "g"
-inertia = "J_g"
-[[links]]
-bodies = ["m", "g"]
-stiffness = "K"
-damping = "D"
-"""
-THIRD = """
-[[bodies]]
-name = "c"
-inertia = "J_c"
-[[links]]
-bodies = ["g", "c"]
-stiffness = "K_c"
-damping = "D_c"
-"""
-TWO = spec_model(
-    parse_spec(CHAIN + '[sensors.s]\nq_m = { body = "m", measures = "position" }\n'
-               'q_g = { body = "g", measures = "position" }\n', "two.toml"), "s")  # fmt: skip
-THREE = spec_model(
-    parse_spec(CHAIN + THIRD + '[sensors.s]\nq_m = { body = "m", measures = "position" }\n'
-               'q_c = { body = "c", measures = "position" }\n', "three.toml"), "s")  # fmt: skip
-KNOWN = {"J_m": 2e-3, "F_vm": 0.02, "F_sm": 0.4, "J_g": 6e-3, "K": 1500.0, "D": 0.6}
-FURTHER = {"J_c": 3e-3, "K_c": 2500.0, "D_c": 0.4}
+ENDS_SEEN = BOTH_SEEN.replace("q_c", "q_x").replace('"c"', '"x"')
+THREE = spec_model(parse_spec(TWO + FURTHER + ENDS_SEEN, "three.toml"), "s")
+THIRD = {"J_x": 3e-3, "K_x": 2500.0, "D_x": 0.4}
 NUMBER, AMPLITUDE, NOISE = 14.0, {"T": 0.12, "q": 1e-4}, {"T": 2e-3, "q": 3e-6}
 SAID = {
     "T": "a force that varies with the position of m acts on it, 14 periods a turn",
     "q_m": "q_m has an error that is periodic in what it reads, 14 periods a turn",
-    "q_g": "q_g has an error that is periodic in what it reads, 14 periods a turn",
+    "q_c": "q_c has an error that is periodic in what it reads, 14 periods a turn",
 }
 
 
@@ -126,7 +95,7 @@ def test_the_spectrum_is_the_sum_over_positions() -> None:
 
 @pytest.mark.parametrize("wrong", SAID)
 def test_what_is_periodic_is_told_with_its_periods_and_moves_nothing(wrong: str) -> None:
-    estimate = identify(TWO, rippled(TWO, KNOWN, 1, wrong))
+    estimate = identify(SHORT, rippled(SHORT, KNOWN, 1, wrong))
     assert SAID[wrong] in " ".join(advice.what for advice in estimate.checks.advice)
     for found in estimate.parameters.physical:
         assert found.value == pytest.approx(KNOWN[found.name], abs=3.0 * found.std)
@@ -136,16 +105,16 @@ def test_what_is_periodic_is_told_with_its_periods_and_moves_nothing(wrong: str)
 @pytest.mark.slow
 def test_beside_a_body_without_a_sensor_as_well() -> None:
     """Rows are linear in composites: steps are taken in physical parameters, and the ripple with them."""
-    estimate = identify(THREE, rippled(THREE, KNOWN | FURTHER, 2))
+    estimate = identify(THREE, rippled(THREE, KNOWN | THIRD, 2))
     said = " ".join(advice.what for advice in estimate.checks.advice)
     assert "a force that varies with the position of m acts on it, 14 periods a turn" in said
     for found in estimate.parameters.physical:
-        assert found.value == pytest.approx((KNOWN | FURTHER)[found.name], abs=3.0 * found.std)
+        assert found.value == pytest.approx((KNOWN | THIRD)[found.name], abs=3.0 * found.std)
 
 
 def test_records_that_are_held_out_have_phases_of_their_own() -> None:
     """The period is known; a phase is that of the middle of a record, and tells nothing of another one."""
-    estimate = identify(TWO, rippled(TWO, KNOWN, 3), checks=CheckOptions(hold_out=0.3))
+    estimate = identify(SHORT, rippled(SHORT, KNOWN, 3), checks=CheckOptions(hold_out=0.3))
     held = estimate.checks.held_out
     assert held is not None
     assert all(row.relative_error < 4.0 * (row.fitted_error or 0.0) for row in held.rows)
