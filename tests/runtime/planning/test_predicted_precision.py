@@ -21,9 +21,8 @@ def copies(monkeypatch: pytest.MonkeyPatch, given: tuple[str, ...]) -> int:
         return SimpleNamespace(physical=dict.fromkeys(given, 1.0))
 
     monkeypatch.setattr(predicted_precision, "estimate_once", estimated)
-    monkeypatch.setattr(predicted_precision, "_factor_error", lambda *_: 0.0)
     planned: Any = SimpleNamespace(model=motor_only("emps300"))
-    found = predicted_precision._copies(planned)
+    found = predicted_precision._first_copies(planned)
     assert len(found) == len(tried) == len(set(tried))
     return len(found)
 
