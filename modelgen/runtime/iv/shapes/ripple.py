@@ -22,7 +22,7 @@ from modelgen.runtime.model.model import Model
 
 
 @dataclass(frozen=True)
-class Place:
+class PeriodicPlace:
     """What is periodic in the position of a body: a force on it, or what the position sensor `key` reads."""
 
     body: str
@@ -38,15 +38,15 @@ class Place:
         return {self.key: samples} if self.key else pushed_body(simulated, self.body, samples)
 
 
-def places_of(model: Model, bodies: Sequence[str]) -> tuple[Place, ...]:
+def places_of(model: Model, bodies: Sequence[str]) -> tuple[PeriodicPlace, ...]:
     """Return all places of a model."""
     read = [
         one for one in model.sensors if one.measures == "position" and one.body and one.key in model.channels
     ]
-    return (*map(Place, bodies), *(Place(one.body or "", one.key or "") for one in read))
+    return (*map(PeriodicPlace, bodies), *(PeriodicPlace(one.body or "", one.key or "") for one in read))
 
 
-def ripple(model: Model, at: Place, way: float, number: float, phases: Sequence[float]) -> Effect:
+def ripple(model: Model, at: PeriodicPlace, way: float, number: float, phases: Sequence[float]) -> Effect:
     """Return what is a sine of a position at a place, in radians per rad or m.
 
     `way` is the longest that the body goes in a record, in rad or m; `phases` are those in its middle, by
@@ -93,7 +93,7 @@ def ripple(model: Model, at: Place, way: float, number: float, phases: Sequence[
     )
 
 
-def waves(at: Place, number: float, records: int) -> tuple[Effect, ...]:
+def waves(at: PeriodicPlace, number: float, records: int) -> tuple[Effect, ...]:
     """Return a sine and a cosine of so many radians per rad or m in each of so many records."""
     zero = [0.0] * records
     return tuple(
@@ -107,7 +107,7 @@ def waves(at: Place, number: float, records: int) -> tuple[Effect, ...]:
 
 
 def wave(
-    at: Place,
+    at: PeriodicPlace,
     number: float,
     phases: Sequence[float],
     form: Callable[[FloatArray, FloatArray], FloatArray],

@@ -14,7 +14,7 @@ from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import RIPPLE, Changes, Effect
 from modelgen.runtime.iv.effect_rows import effect_rows
-from modelgen.runtime.iv.shapes.ripple import Place, places_of, position, ripple, waves
+from modelgen.runtime.iv.shapes.ripple import PeriodicPlace, places_of, position, ripple, waves
 from modelgen.runtime.iv.shapes.shape_search import ShapeRows
 from modelgen.runtime.iv.thresholds import AS_LIKELY, FEWEST_PERIODS, MOST_PERIODS, RIPPLES_TRIED
 from modelgen.runtime.numerics.block_column import block_column
@@ -49,14 +49,14 @@ def ripples(rows: ShapeRows, names: Collection[str], others: Sequence[Effect]) -
     return tuple(effect for effect, _ in sorted(found, key=lambda pair: pair[1]))
 
 
-def _begun(rows: ShapeRows, at: Place, way: float, number: float) -> tuple[Effect, float]:
+def _begun(rows: ShapeRows, at: PeriodicPlace, way: float, number: float) -> tuple[Effect, float]:
     """Return the ripple of so many radians per rad or m with its phases, and what is left with it."""
     left = rows.left(rows.columns(waves(at, number, rows.records)))
     sine, cosine = np.reshape(left.sizes, (-1, 2)).T
     return ripple(rows.setting.model, at, way, number, np.arctan2(cosine, sine).tolist()), left.misfit
 
 
-def _numbers(rows: ShapeRows, at: Place, places: Sequence[FloatArray], longest: float) -> list[float]:
+def _numbers(rows: ShapeRows, at: PeriodicPlace, places: Sequence[FloatArray], longest: float) -> list[float]:
     """Return in rad per rad or m where the spectrum over the position is largest, one an octave."""
     slow = rows.simulated[0].slow[at.body]
     if not longest > 0.0:
@@ -95,7 +95,7 @@ def _spectrum(samples: FloatArray, place: FloatArray, step: float, count: int) -
     return np.asarray(np.fft.rfft(gathered)[:count])
 
 
-def _felt(rows: ShapeRows, at: Place) -> list[FloatArray]:
+def _felt(rows: ShapeRows, at: PeriodicPlace) -> list[FloatArray]:
     """Return what would have to act at a place at each sample to be left in the rows, by record.
 
     Filters are linear: weighted residuals that pass them backwards are sums of what each instant adds.

@@ -12,7 +12,7 @@ from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import CheckOptions
 from modelgen.runtime.iv.companion_simulation import Simulated, simulated_beside
-from modelgen.runtime.iv.shapes.ripple import Place, position, ripple
+from modelgen.runtime.iv.shapes.ripple import PeriodicPlace, position, ripple
 from modelgen.runtime.iv.shapes.ripple_search import _spectrum
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -60,7 +60,7 @@ def simulated_alone() -> Simulated:
 @pytest.mark.parametrize("place", [0, 1])
 def test_number_and_phase_change_the_effect_as_their_columns_say(place: int) -> None:
     simulated, size, step = simulated_alone(), 2e-3, 1e-4
-    wave = ripple(SMALL, Place("c"), 1.0, 40.0, [0.3])
+    wave = ripple(SMALL, PeriodicPlace("c"), 1.0, 40.0, [0.3])
     assert wave.moved is not None
     steps = [size * step if index == place else 0.0 for index in range(2)]
     near = [wave.moved(size, [sign * by for by in steps]) for sign in (1.0, -1.0)]
@@ -72,7 +72,7 @@ def test_number_and_phase_change_the_effect_as_their_columns_say(place: int) -> 
 
 def test_each_record_has_a_phase_of_its_own() -> None:
     simulated = simulated_alone()
-    of_first, of_second = ripple(SMALL, Place("c"), 1.0, 40.0, [0.3, 0.5]).shape(2)[1:]
+    of_first, of_second = ripple(SMALL, PeriodicPlace("c"), 1.0, 40.0, [0.3, 0.5]).shape(2)[1:]
     assert of_first.changes(simulated) and not of_second.changes(simulated)
     assert of_second.changes(replace(simulated, index=1))
 
