@@ -109,13 +109,14 @@ def effect_rows(
     if not effects:
         return ()
     reads, every = channels_of_keys(setting.model), _mismatch_terms(fit, setting)
-    # a direction jumps or stays; that of a body at rest would be one of rounding, whatever the size
+    # away from reversals a direction stays: that of a body at rest would be one of rounding, at any size
     jumps = {one.key for one in setting.model.features if one.function in DIRECTIONS and one.times is None}
 
     def of(record: int) -> list[dict[int, FloatArray]]:
         one = simulated[record]
         found: list[dict[int, FloatArray]] = []
         blocks = {index: fit.blocks[index] for index in fit.by_record[record]}
+        turning = {block.row for block in blocks.values() if block.turning}
         calm = _rows(setting, one.record, record)
         spreads = {key: float(np.std(samples)) for key, samples in one.record.signals.items()}
         for effect, known in zip(effects, (*sizes, *[0.0] * len(effects)), strict=False):
@@ -129,7 +130,8 @@ def effect_rows(
                 {
                     key: w
                     for key, w in every[row].items()
-                    if key not in jumps and not changes.keys().isdisjoint(reads.get(key, ()))
+                    if (row in turning or key not in jumps)
+                    and not changes.keys().isdisjoint(reads.get(key, ()))
                 }
                 for row in touched
             ]
