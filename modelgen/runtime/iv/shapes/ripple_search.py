@@ -10,7 +10,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from modelgen.array_types import ComplexArray, FloatArray
+from modelgen.array_types import ComplexArray, FloatArray, IntArray
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import RIPPLE, Changes, Effect
 from modelgen.runtime.iv.effect_rows import effect_rows
@@ -18,6 +18,7 @@ from modelgen.runtime.iv.shapes.ripple import PeriodicPlace, places_of, position
 from modelgen.runtime.iv.shapes.shape_search import ShapeRows
 from modelgen.runtime.iv.thresholds import AS_LIKELY, FEWEST_PERIODS, MOST_PERIODS, RIPPLES_TRIED
 from modelgen.runtime.numerics.block_column import block_column
+from modelgen.runtime.rows.row_block import RowBlock
 
 
 def ripples(rows: ShapeRows, names: Collection[str], others: Sequence[Effect]) -> tuple[Effect, ...]:
@@ -104,6 +105,9 @@ def _felt(rows: ShapeRows, at: PeriodicPlace) -> list[FloatArray]:
     kept = sorted({block.row for block in fit.blocks})
     left = {(block.record, block.row): index for index, block in enumerate(fit.blocks)}
 
+    def samples_at(block: RowBlock, place: IntArray) -> IntArray:
+        return block.start + setting.choice.decimation[block.record] * place
+
     def backwards(row: int) -> Effect:
         def changes(simulated: Simulated) -> Changes:
             index = left.get((simulated.index, row))
@@ -112,8 +116,7 @@ def _felt(rows: ShapeRows, at: PeriodicPlace) -> list[FloatArray]:
             block, n = fit.blocks[index], simulated.record.n
             grid = np.zeros(block.grid)
             grid[block.place] = fit.weights[index] ** 2 * fit.residuals[index]
-            kept_at = block.start + setting.choice.decimation[block.record] * np.arange(block.grid)
-            whole = np.interp(np.arange(n), kept_at, grid, 0.0, 0.0)
+            whole = np.interp(np.arange(n), samples_at(block, np.arange(block.grid)), grid, 0.0, 0.0)
             return at.changes(simulated, whole[::-1])
 
         return Effect(f"row {row} backwards", RIPPLE, "", "", "", changes)
@@ -125,6 +128,5 @@ def _felt(rows: ShapeRows, at: PeriodicPlace) -> list[FloatArray]:
             block = fit.blocks[index]
             if block.row == row:
                 samples = found[block.record]
-                kept_at = block.start + setting.choice.decimation[block.record] * block.place
-                samples[len(samples) - 1 - kept_at] += part
+                samples[len(samples) - 1 - samples_at(block, block.place)] += part
     return found
