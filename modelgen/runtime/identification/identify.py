@@ -10,7 +10,7 @@ from types import ModuleType
 from modelgen.progress import heard, step
 from modelgen.runtime.diagnostics.friction_asymmetry import asymmetry_notes
 from modelgen.runtime.identification.assemble_estimate import Solved, judge
-from modelgen.runtime.identification.given_positions import about_the_estimate
+from modelgen.runtime.identification.given_positions import about_the_estimate, with_aligned_channels
 from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.options import CheckOptions, Filters, chosen_method, with_short_forms
 from modelgen.runtime.identification.refusals import late_refusals
@@ -81,14 +81,18 @@ def _identified(
 ) -> Estimate:
     """Return the estimate: every step of an identification by its name."""
     task, rest = about_the_estimate(prepared(model, records, method, filters, checks))
+    aligned = None
     if task.model.is_arm:  # others need not load it
         from modelgen.runtime.identification.explanation.wider_directions import with_turns_between_samples
 
         task = with_turns_between_samples(task)
+        task, rest, aligned = with_aligned_channels(task, rest)
     task, solution = fitted(task)
     chosen, again, fit, drift = task.method, partial(solution.at, task), solution.fit, solution.drift
     if rest is not None:
         drift = drift + rest.drift(fit, task.model)
+    if aligned is not None:
+        drift = drift + aligned.drift(fit)
     others = compared(task, solution, again)
     if task.checks.drift_check and chosen.matched:
         step("changing cut-off and weights")

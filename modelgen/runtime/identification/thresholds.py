@@ -209,3 +209,19 @@ LEFT_BY_ARMS, FAR_OVER_NOISE = 0.01, 6.0
 # Where a record tells nothing in a row, as friction reverses all the time, instruments that add friction are
 # taken if the parameter that is known worst is known by this factor better.
 TELLS_MORE = 0.5
+
+# Channels of elastic arms: rounds of steps, which end where all are less than this share of their deviations,
+# and after so many rounds than that one; what is then below so many deviations stood in for something else.
+# There are no instruments, and intervals of motors alone are narrow: certain is so much more than usual.
+# While steps do not rest, what is taken up explains this share of the residual; what explains so nearly as
+# much as the best is as good.
+ALIGNING_ROUNDS, ALIGNMENT_AT_REST, PATIENT_ALIGNING, NEARLY_AT_REST = 15, 0.1, 5, 0.3
+ALIGNED_APART, MORE_CERTAIN, LARGE_PART, ALIKE_PART = 5.0, 1.5, 0.1, 0.97
+# What is tried of a delay in samples, of a gain, and of a zero as a share of what a channel spans: small
+# against what bends rows, large against rounding. Channels later than so many samples are another mistake.
+TRIED_SAMPLES, TRIED_GAIN, TRIED_ZERO, MOST_ALIGNED_SAMPLES = 0.05, 1e-4, 1e-5, 50.0
+# A late position is nearly a damper and friction times a large stiffness: of its rows, as a share of their
+# power, so little that is none of the columns is told from rounding of small differences.
+LEAST_ALIGNED_SHARE = 1e-7
+# A delay of so many samples is less than rows resolve, and so is such a gain.
+LEAST_ALIGNED_SAMPLES, LEAST_ALIGNED_GAIN = 0.02, 1e-5

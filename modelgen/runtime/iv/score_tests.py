@@ -73,7 +73,12 @@ class Score:
     likely: bool = False
 
 
-def scores(span: Span, effects: Sequence[Effect], grown: Sequence[Sequence[FloatArray]]) -> tuple[Score, ...]:
+def scores(
+    span: Span,
+    effects: Sequence[Effect],
+    grown: Sequence[Sequence[FloatArray]],
+    least_own: float = LEAST_OWN_SHARE,
+) -> tuple[Score, ...]:
     """Return the score of each effect that can be told from the columns, the most explained first.
 
     Parameters
@@ -83,12 +88,14 @@ def scores(span: Span, effects: Sequence[Effect], grown: Sequence[Sequence[Float
     effects : sequence of Effect
     grown : sequence of sequence of array
         For each effect how Y - W X grows per unit of its size: one array, shape (rows,), a block of the fit.
+    least_own : float
+        The share of an effect that is to lie outside of the regressors.
     """
     if not effects:
         return ()
     fit, slope, r = span.fit, span.slope, span.left
     told = span.compared(grown, r)
-    apart = told.power > LEAST_OWN_SHARE * told.whole
+    apart = told.power > least_own * told.whole
     # a force may be friction to all records but one, and have taken the weight of that
     forces = [effect.kind in FORCES for effect in effects]
     tried = zip(apart.tolist(), forces, grown, strict=True)

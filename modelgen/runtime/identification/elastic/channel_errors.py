@@ -1,0 +1,156 @@
+"""What may be off in channels of an elastic arm, and records without it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.advice import Advice
+from modelgen.runtime.identification.thresholds import (
+    HALF_SAMPLE,
+    LEAST_ALIGNED_GAIN,
+    LEAST_ALIGNED_SAMPLES,
+    MOST_ALIGNED_SAMPLES,
+    TRIED_GAIN,
+    TRIED_SAMPLES,
+    TRIED_ZERO,
+)
+from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.model_errors import delay_effect, zero_effect
+from modelgen.runtime.iv.told_effects import below_noise, estimated
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.derived_channels import with_derived
+
+# What names of channels of drives begin with; joint torques have others.
+DRIVE = "tau_"
+
+
+def _told_hold(key: str) -> Advice:
+    what = f"shows that {key} is a command which the drive holds over every sample; it is taken as that"
+    return Advice("more than the model", "the residual", what, f"say so (--held {key})")
+
+
+@dataclass(frozen=True, eq=False)
+class SetRight:
+    """What was set right in the channels of some records.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Base parameters of the fit.
+    effects, sizes : tuple
+    moves : array, shape (columns, effects)
+        What X changes by per unit of each size.
+    covariance : array, shape (effects, effects)
+        Of the sizes.
+    held : tuple of str
+        Forces that are commands which a drive holds from sample to sample.
+    """
+
+    columns: tuple[str, ...]
+    effects: tuple[Effect, ...]
+    sizes: tuple[float, ...]
+    moves: FloatArray
+    covariance: FloatArray
+    held: tuple[str, ...] = ()
+
+    @property
+    def advice(self) -> tuple[Advice, ...]:
+        """What is said of the channels."""
+        told = tuple(estimated(*one, ()) for one in zip(self.effects, self.sizes, strict=True))
+        return (*(_told_hold(key) for key in self.held), *told)
+
+    def drift(self, fit: Fit) -> FloatArray:
+        """Return what the uncertainty of the sizes moves, as a mean square in SI, shape (c, c)."""
+        places = {name: place for place, name in enumerate(self.columns)}
+        moves = np.zeros((len(fit.columns), len(self.effects)))
+        for row, name in enumerate(fit.columns):
+            if name in places:
+                moves[row] = self.moves[places[name]]
+        return np.asarray(moves @ self.covariance @ moves.T)
+
+
+def channel_errors(model: Model) -> tuple[Effect, ...]:
+    """Return what may be off: when channels are read, zeros of levels, and gears.
+
+    Where encoders read a joint on both sides the zero of the link's is that of the arm.
+    """
+    read, geared = model.channels, gears(model)
+    forces = [actuator.key for actuator in model.actuators]
+    bodies = {one.key: one.body for one in model.sensors if one.measures == "position" and one.key in read}
+    levels = {signal.channel for signal in model.signals if signal.derivative == 0}
+    own = [key for key, body in bodies.items() if f"{body} motor" not in bodies.values()]
+    found = [delay_effect(key) for key in read]
+    found += [zero_effect(key, None, 1) for key in (*own, *forces) if key in levels]
+    return (*found, *(_gear_effect(key) for key in geared))
+
+
+def gears(model: Model) -> dict[str, str]:
+    """Return the force of the motor that each encoder in front of a gear is of, by their channels."""
+    forces = {actuator.key for actuator in model.actuators}
+    found = {}
+    for name, terms in model.derived.items():
+        force = name.replace("motor_", DRIVE, 1)
+        if len(terms) == 1 and force in forces and abs(terms[0][0]) != 1.0:
+            found[terms[0][1]] = force
+    return found
+
+
+def _gear_effect(key: str) -> Effect:
+    """Return that the gear behind an encoder has so many more turns than the file says."""
+    words = f"the gear behind {key} is not that of the file"
+    remedy = "put the gear ratio right in the file, or the scale of the encoder"
+    return Effect(f"gear of {key}", "gain", words, words, remedy, lambda simulated: {}, key)
+
+
+def set_right(model: Model, record: Record, index: int, sizes: Mapping[Effect, float]) -> Record:
+    """Return a record, the `index`-th, with channels as they would be without effects of these sizes."""
+    force = gears(model)
+    for effect, size in sizes.items():
+        if effect.kind == "gain" and size:
+            turns, channel = 1.0 + size, effect.channel
+            signals = record.signals
+            record = record.edited(
+                {channel: signals[channel] / turns, force[channel]: turns * signals[force[channel]]}
+            )
+        else:
+            record = effect.corrected(record, index, size)
+    (record,) = with_derived(model, [record])
+    return record
+
+
+def runs_away(effect: Effect, size: float, records: Sequence[Record]) -> bool:
+    """Tell whether a delay is too long for the channels of one record."""
+    late = size * max(record.fs for record in records) if effect.kind == "delay" else 0.0
+    return abs(late) > MOST_ALIGNED_SAMPLES
+
+
+def by_half(effect: Effect, size: float, records: Sequence[Record]) -> bool:
+    """Tell whether a force is early by half a sample and whole ones, as a command that a drive holds."""
+    samples = size * records[0].fs + 0.5
+    same = len({record.fs for record in records}) == 1
+    drive = effect.channel.startswith(DRIVE)
+    return effect.kind == "delay" and drive and same and abs(samples - round(samples)) < HALF_SAMPLE
+
+
+def resolved(effect: Effect, size: float, records: Sequence[Record]) -> bool:
+    """Tell whether a size is more than channels and rows resolve."""
+    if effect.kind == "delay":
+        return abs(size) * max(record.fs for record in records) > LEAST_ALIGNED_SAMPLES
+    if effect.kind == "gain":
+        return abs(size) > LEAST_ALIGNED_GAIN
+    return not below_noise(effect, size, records)
+
+
+def tried_size(effect: Effect, record: Record) -> float:
+    """Return a size, in its unit, that is small against what bends rows, and large against rounding."""
+    if effect.kind == "delay":
+        return TRIED_SAMPLES / record.fs
+    if effect.kind == "gain":
+        return TRIED_GAIN
+    return TRIED_ZERO * (record.facts.extent(effect.channel).span or 1.0)

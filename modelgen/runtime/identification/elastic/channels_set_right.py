@@ -1,0 +1,137 @@
+"""Channels of elastic arms that are late, off zero or off scale: estimated with least squares, and set right.
+
+No simulation makes instruments of an elastic arm, but its rows say as much: each channel is changed a little,
+and what that changes in what rows leave is a column (Gauss and Newton). Springs multiply small differences of
+channels by large stiffnesses: half a sample of a force that a drive holds is a damper twice as strong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.progress import step
+from modelgen.runtime.identification.elastic.channel_errors import (
+    SetRight,
+    by_half,
+    channel_errors,
+    resolved,
+    runs_away,
+    set_right,
+)
+from modelgen.runtime.identification.elastic.joint_effects import joint_effects
+from modelgen.runtime.identification.task import Task
+from modelgen.runtime.identification.thresholds import (
+    ALIGNED_APART,
+    ALIGNING_ROUNDS,
+    ALIGNMENT_AT_REST,
+    AS_LIKELY,
+    NEARLY_AT_REST,
+    PATIENT_ALIGNING,
+)
+from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.least_squares.delays import with_holds
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+
+Again = Callable[[Task], Task | None]
+
+
+def with_channels_set_right(task: Task, again: Again) -> tuple[Task, SetRight | None]:
+    """Return the task of an elastic arm with records whose channels are on time, at zero and to scale.
+
+    The same task, and None, where rows are not kept, or show nothing that matters.
+
+    Parameters
+    ----------
+    task : Task
+    again : callable
+        Gives the task with rows about the estimate of its records, from near by; None where there is none.
+    """
+    if task.job.memory_limit is not None or not all(record.in_memory for record in task.records):
+        return task, None
+    step("looking for channels that are late or off zero")
+    found = _come_to_rest(task, again, channel_errors(task.model))
+    if found is None:
+        return task, None
+    held = tuple(one.channel for one in found.commands)
+    if not held:
+        return found.task, found.right
+    # the average that a hold is looks like inertia
+    commanded = task.changed(partial(with_holds, channels=held))
+    other = _come_to_rest(commanded, again, channel_errors(task.model), found)
+    if other is None or other.misfit > found.misfit + AS_LIKELY:
+        return found.task, found.right
+    return other.task, replace(other.right, held=held)
+
+
+@dataclass(frozen=True, eq=False)
+class _AtRest:
+    """Where steps came to rest: the task with records set right, by what, and what rows leave."""
+
+    task: Task
+    known: dict[Effect, float]
+    right: SetRight
+    misfit: float
+
+    @property
+    def commands(self) -> tuple[Effect, ...]:
+        """Forces that are early by half a sample."""
+        return tuple(one for one, size in self.known.items() if by_half(one, size, self.task.records))
+
+
+def _come_to_rest(
+    task: Task, again: Again, candidates: tuple[Effect, ...], near: _AtRest | None = None
+) -> _AtRest | None:
+    """Return where steps of what is off come to rest; None where nothing is, or they do not.
+
+    With `near` the task is the same with forces held, whose delays are looked for anew.
+    """
+    known, now, length, before, rests = dict[Effect, float](), task, 1.0, dict[Effect, float](), True
+    if near is not None:
+        known = {one: size for one, size in near.known.items() if one not in near.commands}
+        changed = again(_corrected(task, known, near.task.model))
+        if changed is None:
+            return None
+        now = changed
+    for done in range(ALIGNING_ROUNDS):
+        try:
+            joint = joint_effects(now.job, candidates, tuple(known), rests)
+        except (DataError, IdentifiabilityError):
+            return None
+        steps = {effect: joint.step(effect) for effect in joint.effects}
+        share = ALIGNMENT_AT_REST if done < PATIENT_ALIGNING else NEARLY_AT_REST
+        rests = all(abs(size) < share * std for size, std in steps.values())
+        # what goes to and fro, as other samples are left open, comes to rest with shorter steps
+        to_and_fro = sum(size * before.get(one, 0.0) / std**2 for one, (size, std) in steps.items()) < 0.0
+        length = 0.5 * length if to_and_fro else min(1.0, 2.0 * length)
+        before = {one: size for one, (size, _) in steps.items()}
+        known = {one: known.get(one, 0.0) + length * size for one, size in before.items()}
+        right = joint.told(known)
+        doubtful = [one for one in known if abs(known[one]) < ALIGNED_APART * steps[one][1]]
+        doubtful += [one for one in known if not resolved(one, known[one], task.records)]
+        if rests and doubtful:
+            # it stood in for another one, and is not looked for again
+            known = {one: size for one, size in known.items() if one is not doubtful[0]}
+            candidates = tuple(one for one in candidates if one.name != doubtful[0].name)
+        if (not known and near is None) or any(runs_away(*one, task.records) for one in known.items()):
+            return None
+        changed = again(_corrected(task, known, now.model))
+        if changed is None:
+            return None
+        now = changed
+        if rests and not doubtful:
+            return _AtRest(now, known, right, joint.fit.misfit)
+    return None
+
+
+def _corrected(task: Task, sizes: Mapping[Effect, float], model: Model) -> Task:
+    """Return the task with channels set right, its rows about the same point as those of a model."""
+
+    def change(records: tuple[Record, ...]) -> tuple[Record, ...]:
+        return tuple(set_right(model, record, index, sizes) for index, record in enumerate(records))
+
+    changed = task.changed(change)
+    return replace(changed, model=model, job=replace(changed.job, model=model, surveys=()))
