@@ -17,8 +17,6 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.identification.choose_cutoff import higher_cutoffs
-from modelgen.runtime.identification.elastic.channel_errors import SetRight
-from modelgen.runtime.identification.elastic.channels_set_right import with_channels_set_right
 from modelgen.runtime.identification.elastic.other_springs import other_springs
 from modelgen.runtime.identification.elastic.settling import settled, settled_with
 from modelgen.runtime.identification.elastic.starting_springs import springs_pull, starting_springs
@@ -33,7 +31,6 @@ from modelgen.runtime.identification.elastic.steps_about import (
     weighted,
 )
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     BETTER_PLACES,
@@ -55,7 +52,6 @@ from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open
-from modelgen.runtime.simulation.arms.arm_coordinates import follows
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,25 +130,7 @@ def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
     )
 
 
-def with_aligned_channels(task: Task, rest: Rest | None) -> tuple[Task, Rest | None, SetRight | None]:
-    """Return the task of an arm with what elastic ones show of their channels set right, and what that is.
-
-    The task, its place of rest, and None where nothing is.
-    """
-    wanted = task.checks.drift_check and isinstance(task.method, Auto) and task.method.rows != "power"
-    if not wanted or follows(task.model):
-        return task, rest, None
-    changed, found = with_channels_set_right(task, _near)
-    if found is None:
-        return task, rest, None
-    try:
-        task, rest = about_the_estimate(changed)
-    except (DataError, IdentifiabilityError):
-        return task, rest, None
-    return replace(task, doubts=lambda: (*changed.doubts(), *found.advice)), rest, found
-
-
-def _near(task: Task) -> Task | None:
+def near_by(task: Task) -> Task | None:
     """Return the task of changed records about their estimate, from where it was before."""
     kernel = task.model.kernel
     if not isinstance(kernel, DeflectedKernel):

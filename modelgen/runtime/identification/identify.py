@@ -10,7 +10,7 @@ from types import ModuleType
 from modelgen.progress import heard, step
 from modelgen.runtime.diagnostics.friction_asymmetry import asymmetry_notes
 from modelgen.runtime.identification.assemble_estimate import Solved, judge
-from modelgen.runtime.identification.given_positions import about_the_estimate, with_aligned_channels
+from modelgen.runtime.identification.given_positions import about_the_estimate
 from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.options import CheckOptions, Filters, chosen_method, with_short_forms
 from modelgen.runtime.identification.refusals import late_refusals
@@ -21,6 +21,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.simulation.arms.arm_coordinates import follows
 
 
 def identify(
@@ -86,7 +87,10 @@ def _identified(
         from modelgen.runtime.identification.explanation.wider_directions import with_turns_between_samples
 
         task = with_turns_between_samples(task)
-        task, rest, aligned = with_aligned_channels(task, rest)
+        if not follows(task.model):
+            from modelgen.runtime.identification.elastic.aligned_channels import with_aligned_channels
+
+            task, rest, aligned = with_aligned_channels(task, rest)
     task, solution = fitted(task)
     chosen, again, fit, drift = task.method, partial(solution.at, task), solution.fit, solution.drift
     if rest is not None:

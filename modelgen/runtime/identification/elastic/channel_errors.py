@@ -9,6 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.identification.elastic.row_forces import RowForce
 from modelgen.runtime.identification.thresholds import (
     HALF_SAMPLE,
     LEAST_ALIGNED_GAIN,
@@ -20,9 +21,10 @@ from modelgen.runtime.identification.thresholds import (
 )
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.model_errors import delay_effect, zero_effect
-from modelgen.runtime.iv.told_effects import below_noise, estimated
+from modelgen.runtime.iv.told_effects import below_noise, estimated, left
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.derived_channels import with_derived
 
@@ -62,17 +64,27 @@ class SetRight:
     @property
     def advice(self) -> tuple[Advice, ...]:
         """What is said of the channels."""
-        told = tuple(estimated(*one, ()) for one in zip(self.effects, self.sizes, strict=True))
+        told = tuple(
+            (left if isinstance(effect, RowForce) else estimated)(effect, size, ())
+            for effect, size in zip(self.effects, self.sizes, strict=True)
+        )
         return (*(_told_hold(key) for key in self.held), *told)
 
     def drift(self, fit: Fit) -> FloatArray:
-        """Return what the uncertainty of the sizes moves, as a mean square in SI, shape (c, c)."""
+        """Return what the uncertainty of the sizes moves, as a mean square in SI, shape (c, c).
+
+        Forces that rows lack are not estimated with the parameters: all that they move is in it.
+        """
         places = {name: place for place, name in enumerate(self.columns)}
         moves = np.zeros((len(fit.columns), len(self.effects)))
         for row, name in enumerate(fit.columns):
             if name in places:
                 moves[row] = self.moves[places[name]]
-        return np.asarray(moves @ self.covariance @ moves.T)
+        lacking = [
+            size * isinstance(one, RowForce) for one, size in zip(self.effects, self.sizes, strict=True)
+        ]
+        sizes = self.covariance + np.outer(lacking, lacking)
+        return np.asarray(moves @ sizes @ moves.T)
 
 
 def channel_errors(model: Model) -> tuple[Effect, ...]:
@@ -108,16 +120,21 @@ def _gear_effect(key: str) -> Effect:
     return Effect(f"gear of {key}", "gain", words, words, remedy, lambda simulated: {}, key)
 
 
+def _times(key: str, factor: float) -> Edit:
+    return Edit(key, lambda samples, start: factor * samples)
+
+
 def set_right(model: Model, record: Record, index: int, sizes: Mapping[Effect, float]) -> Record:
     """Return a record, the `index`-th, with channels as they would be without effects of these sizes."""
     force = gears(model)
     for effect, size in sizes.items():
         if effect.kind == "gain" and size:
-            turns, channel = 1.0 + size, effect.channel
-            signals = record.signals
-            record = record.edited(
-                {channel: signals[channel] / turns, force[channel]: turns * signals[force[channel]]}
-            )
+            drive = force[effect.channel]
+            turned = {
+                effect.channel: _times(effect.channel, 1.0 / (1.0 + size)),
+                drive: _times(drive, 1.0 + size),
+            }
+            record = record.edited(turned)
         else:
             record = effect.corrected(record, index, size)
     (record,) = with_derived(model, [record])

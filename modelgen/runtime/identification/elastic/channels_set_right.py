@@ -13,6 +13,7 @@ from functools import partial
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
+from modelgen.runtime.identification.choose_cutoff import part_tried
 from modelgen.runtime.identification.elastic.channel_errors import (
     SetRight,
     by_half,
@@ -22,6 +23,7 @@ from modelgen.runtime.identification.elastic.channel_errors import (
     set_right,
 )
 from modelgen.runtime.identification.elastic.joint_effects import joint_effects
+from modelgen.runtime.identification.elastic.row_forces import RowForce, row_forces
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     ALIGNED_APART,
@@ -42,7 +44,7 @@ Again = Callable[[Task], Task | None]
 def with_channels_set_right(task: Task, again: Again) -> tuple[Task, SetRight | None]:
     """Return the task of an elastic arm with records whose channels are on time, at zero and to scale.
 
-    The same task, and None, where rows are not kept, or show nothing that matters.
+    The same task, and None, where rows show nothing that matters. Of long records the middle is looked at.
 
     Parameters
     ----------
@@ -50,21 +52,22 @@ def with_channels_set_right(task: Task, again: Again) -> tuple[Task, SetRight | 
     again : callable
         Gives the task with rows about the estimate of its records, from near by; None where there is none.
     """
-    if task.job.memory_limit is not None or not all(record.in_memory for record in task.records):
-        return task, None
     step("looking for channels that are late or off zero")
-    found = _come_to_rest(task, again, channel_errors(task.model))
+    parts = tuple(part_tried(record) for record in task.records)
+    job = replace(task.job, records=parts, surveys=(), memory_limit=None)
+    tried = replace(task, records=parts, unseen=(), job=job)
+    every = (*channel_errors(task.model), *row_forces(task.model))
+    found = _come_to_rest(tried, again, every)
     if found is None:
         return task, None
     held = tuple(one.channel for one in found.commands)
-    if not held:
-        return found.task, found.right
-    # the average that a hold is looks like inertia
-    commanded = task.changed(partial(with_holds, channels=held))
-    other = _come_to_rest(commanded, again, channel_errors(task.model), found)
-    if other is None or other.misfit > found.misfit + AS_LIKELY:
-        return found.task, found.right
-    return other.task, replace(other.right, held=held)
+    if held:
+        # the average that a hold is looks like inertia
+        hold = partial(with_holds, channels=held)
+        other = _come_to_rest(tried.changed(hold), again, every, found)
+        if other is not None and other.misfit <= found.misfit + AS_LIKELY:
+            found, task = replace(other, right=replace(other.right, held=held)), task.changed(hold)
+    return _corrected(task, found.known, task.model), found.right
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +104,16 @@ def _come_to_rest(
             joint = joint_effects(now.job, candidates, tuple(known), rests)
         except (DataError, IdentifiabilityError):
             return None
-        steps = {effect: joint.step(effect) for effect in joint.effects}
-        share = ALIGNMENT_AT_REST if done < PATIENT_ALIGNING else NEARLY_AT_REST
+        # a force stays in the rows, and is found anew each time
+        stays = {one: known.get(one, 0.0) if isinstance(one, RowForce) else 0.0 for one in joint.effects}
+        found = {one: joint.step(one) for one in joint.effects}
+        steps = {one: (size - stays[one], std) for one, (size, std) in found.items()}
+        looked, share = rests, ALIGNMENT_AT_REST if done < PATIENT_ALIGNING else NEARLY_AT_REST
         rests = all(abs(size) < share * std for size, std in steps.values())
         # what goes to and fro, as other samples are left open, comes to rest with shorter steps
-        to_and_fro = sum(size * before.get(one, 0.0) / std**2 for one, (size, std) in steps.items()) < 0.0
+        to_and_fro = (
+            sum(size * before.get(one, 0.0) / (std**2 or 1.0) for one, (size, std) in steps.items()) < 0.0
+        )
         length = 0.5 * length if to_and_fro else min(1.0, 2.0 * length)
         before = {one: size for one, (size, _) in steps.items()}
         known = {one: known.get(one, 0.0) + length * size for one, size in before.items()}
@@ -122,7 +130,7 @@ def _come_to_rest(
         if changed is None:
             return None
         now = changed
-        if rests and not doubtful:
+        if rests and looked and not doubtful:
             return _AtRest(now, known, right, joint.fit.misfit)
     return None
 

@@ -16,6 +16,7 @@ from modelgen.runtime.identification.elastic.channel_errors import (
     set_right,
     tried_size,
 )
+from modelgen.runtime.identification.elastic.row_forces import RowForce, force_rows
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import run_wls
 from modelgen.runtime.identification.thresholds import (
@@ -112,7 +113,7 @@ def joint_effects(
     while True:
         fit = _solved(rows, [*base, *(effect.name for effect in chosen)])
         pulls = np.array([pull.get(name, 0.0) for name in fit.columns])
-        least = 0.0 if rests and len(chosen) == len(known) else LARGE_PART
+        least = 0.0 if rests and (known or not chosen) else LARGE_PART
         rest = [effect for effect in every if effect not in chosen]
         told = [one for one in _shown(job, rows, fit, rest, pulls) if one.explained > least]
         # one channel tells the time of all others
@@ -147,7 +148,7 @@ def _shown(
     blocks = [used[block.record, block.row] for block in fit.blocks]
     grown = [tuple(block.W[:, rows.columns.index(one.name)] for block in blocks) for one in rest]
     for one in scores(Span(fit), rest, grown, LEAST_ALIGNED_SHARE):
-        if one.matters and resolved(one.effect, one.size, job.records):
+        if one.matters and one.effect.possible(one.size) and resolved(one.effect, one.size, job.records):
             pulled = abs(float(one.move @ pull) / (one.size * one.power))
             if abs(one.size) - pulled > MORE_CERTAIN * one.least:
                 yield one
@@ -175,8 +176,11 @@ def _grown(
     job: Job, effects: Sequence[Effect], index: int, terms: Sequence[dict[str, float]], plain: FloatArray
 ) -> Iterator[FloatArray]:
     """Yield how Y - W X of a record grows per unit of each effect, shape (rows, grid)."""
-    record = job.records[index]
+    record, factor = job.records[index], job.choice.decimation[index]
     for effect in effects:
+        if isinstance(effect, RowForce):
+            yield force_rows(effect, job.model, record, job.choice, factor, job.drop)
+            continue
         size = tried_size(effect, record)
         moved = set_right(job.model, record, index, {effect: size})
         # a record set right by so much lacks it
