@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
+from typing import Protocol
 
 import numpy as np
 
@@ -54,6 +55,13 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open
 
 
+class Drifting(Protocol):
+    """What an estimate rests on, and moves by as that is uncertain."""
+
+    def drift(self, fit: Fit, model: Model) -> FloatArray:
+        """Return what noise moves the estimate by through it, as a mean square in SI, shape (c, c)."""
+
+
 @dataclass(frozen=True, eq=False)
 class Rest:
     """Where steps came to rest: a point, and by which ratio they shrank along a direction.
@@ -84,7 +92,7 @@ class Rest:
         return others + ((1.0 - ratio) ** -2 - 1.0) * share * np.outer(along, along)
 
 
-def about_the_estimate(task: Task) -> tuple[Task, Rest | None]:
+def about_the_estimate(task: Task) -> tuple[Task, Drifting | None]:
     """Return the task with rows that are linear about their estimate, and where that rests.
 
     The same task, and None, where rows are linear. Where no start leads to an estimate, or the records are

@@ -82,7 +82,6 @@ def _identified(
 ) -> Estimate:
     """Return the estimate: every step of an identification by its name."""
     task, rest = about_the_estimate(prepared(model, records, method, filters, checks))
-    aligned = None
     if task.model.is_arm:  # others need not load it
         from modelgen.runtime.identification.explanation.wider_directions import with_turns_between_samples
 
@@ -90,13 +89,11 @@ def _identified(
         if not follows(task.model):
             from modelgen.runtime.identification.elastic.aligned_channels import with_aligned_channels
 
-            task, rest, aligned = with_aligned_channels(task, rest)
+            task, rest = with_aligned_channels(task, rest)
     task, solution = fitted(task)
     chosen, again, fit, drift = task.method, partial(solution.at, task), solution.fit, solution.drift
     if rest is not None:
         drift = drift + rest.drift(fit, task.model)
-    if aligned is not None:
-        drift = drift + aligned.drift(fit)
     others = compared(task, solution, again)
     if task.checks.drift_check and chosen.matched:
         step("changing cut-off and weights")

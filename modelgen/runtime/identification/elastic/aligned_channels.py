@@ -2,28 +2,45 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.identification.elastic.channel_errors import SetRight
 from modelgen.runtime.identification.elastic.channels_set_right import with_channels_set_right
-from modelgen.runtime.identification.given_positions import Rest, about_the_estimate, near_by
+from modelgen.runtime.identification.given_positions import Drifting, about_the_estimate, near_by
 from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.identification.task import Task
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.model.model import Model
 
 
-def with_aligned_channels(task: Task, rest: Rest | None) -> tuple[Task, Rest | None, SetRight | None]:
-    """Return the task of an arm with what elastic ones show of their channels set right, and what that is.
+@dataclass(frozen=True, eq=False)
+class RestWithChannels:
+    """Where steps of springs came to rest, if they give positions, and what was set right in channels."""
 
-    The task, its place of rest, and None where nothing is.
+    rest: Drifting | None
+    right: SetRight
+
+    def drift(self, fit: Fit, model: Model) -> FloatArray:
+        """Return what noise moves the estimate by through both, as a mean square in SI, shape (c, c)."""
+        own = self.right.drift(fit)
+        return own if self.rest is None else own + self.rest.drift(fit, model)
+
+
+def with_aligned_channels(task: Task, rest: Drifting | None) -> tuple[Task, Drifting | None]:
+    """Return the task of an elastic arm with its channels set right, and where its steps then rest.
+
+    Both as they are where nothing is to be set right.
     """
     if not task.checks.drift_check or not isinstance(task.method, Auto) or task.method.rows == "power":
-        return task, rest, None
+        return task, rest
     changed, found = with_channels_set_right(task, near_by)
     if found is None:
-        return task, rest, None
+        return task, rest
     try:
         task, rest = about_the_estimate(changed)
     except (DataError, IdentifiabilityError):
-        return task, rest, None
-    return replace(task, doubts=lambda: (*changed.doubts(), *found.advice)), rest, found
+        return task, rest
+    task = replace(task, doubts=lambda: (*changed.doubts(), *found.advice))
+    return task, RestWithChannels(rest, found)

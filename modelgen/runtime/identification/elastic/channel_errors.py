@@ -32,9 +32,11 @@ from modelgen.runtime.rows.derived_channels import with_derived
 DRIVE = "tau_"
 
 
-def _told_hold(key: str) -> Advice:
-    what = f"shows that {key} is a command which the drive holds over every sample; it is taken as that"
-    return Advice("more than the model", "the residual", what, f"say so (--held {key})")
+def _told_holds(keys: Sequence[str]) -> Advice:
+    commands = f"{keys[0]} is a command" if len(keys) == 1 else f"{', '.join(keys)} are commands"
+    what = f"shows that {commands} which the drive holds over every sample; taken as that"
+    options = " ".join(f"--held {key}" for key in keys)
+    return Advice("more than the model", "the residual", what, f"say so ({options})")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +70,7 @@ class SetRight:
             (left if isinstance(effect, RowForce) else estimated)(effect, size, ())
             for effect, size in zip(self.effects, self.sizes, strict=True)
         )
-        return (*(_told_hold(key) for key in self.held), *told)
+        return (_told_holds(self.held), *told) if self.held else told
 
     def drift(self, fit: Fit) -> FloatArray:
         """Return what the uncertainty of the sizes moves, as a mean square in SI, shape (c, c).

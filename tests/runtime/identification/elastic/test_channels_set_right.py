@@ -11,7 +11,7 @@ import pytest
 
 from modelgen import identify
 from modelgen.render.arms.arm_writer import arm_module
-from modelgen.runtime.identification.elastic.channel_errors import by_half, channel_errors, gears
+from modelgen.runtime.identification.elastic.channel_errors import SetRight, by_half, channel_errors, gears
 from modelgen.runtime.identification.elastic.joint_effects import pulled_size
 from modelgen.runtime.iv.model_errors import delay_effect
 from modelgen.runtime.least_squares.time_shifts import shift
@@ -132,6 +132,14 @@ def test_only_drives_hold_their_commands() -> None:
     assert by_half(delay_effect("tau_1"), 1.55e-3, records)
     assert not by_half(delay_effect("tau_1"), 1e-3, records)
     assert not by_half(delay_effect("t_1"), -5e-4, records)
+
+
+def test_commands_that_are_held_are_told_in_one_sentence() -> None:
+    none = np.zeros((1, 0))
+    right = SetRight(("K_1",), (), (), none, np.zeros((0, 0)), ("tau_1", "tau_2"))
+    (said,) = right.advice
+    assert "tau_1, tau_2 are commands which the drive holds" in said.what
+    assert "--held tau_1 --held tau_2" in said.remedy
 
 
 def test_what_noise_moves_a_size_by_is_known() -> None:
