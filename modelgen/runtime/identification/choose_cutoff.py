@@ -292,9 +292,9 @@ def choice_at(task: Task, cutoff_hz: float) -> FilterChoice | None:
     return replace(choice, direction_cutoff_hz=directions_hz, sentences=said)
 
 
-def part_tried(record: Record) -> Record:
-    """Return the middle of a long record: what is tried on it differs by far more than its parts."""
-    if record.n <= SAMPLES_TRIED:
+def part_tried(record: Record, most: int = SAMPLES_TRIED) -> Record:
+    """Return the middle of a long record, so many samples: what is tried differs by far more than parts."""
+    if record.n <= most:
         return record
-    start = (record.n - SAMPLES_TRIED) // 2
-    return record.part(start, start + SAMPLES_TRIED, record.name)
+    start = (record.n - most) // 2
+    return record.part(start, start + most, record.name)

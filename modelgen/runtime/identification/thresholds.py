@@ -217,6 +217,8 @@ TELLS_MORE = 0.5
 # much as the best is as good.
 ALIGNING_ROUNDS, ALIGNMENT_AT_REST, PATIENT_ALIGNING, NEARLY_AT_REST = 15, 0.1, 5, 0.3
 ALIGNED_APART, MORE_CERTAIN, LARGE_PART, ALIKE_PART = 5.0, 1.5, 0.1, 0.97
+# So many samples of each record are looked at: rows of six joints then take less than 100 MB.
+ALIGNED_ON = 1 << 15
 # What is tried of a delay in samples, of a gain, and of a zero as a share of what a channel spans: small
 # against what bends rows, large against rounding. Channels later than so many samples are another mistake.
 TRIED_SAMPLES, TRIED_GAIN, TRIED_ZERO, MOST_ALIGNED_SAMPLES = 0.05, 1e-4, 1e-5, 50.0

@@ -27,6 +27,7 @@ from modelgen.runtime.identification.elastic.row_forces import RowForce, row_for
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     ALIGNED_APART,
+    ALIGNED_ON,
     ALIGNING_ROUNDS,
     ALIGNMENT_AT_REST,
     AS_LIKELY,
@@ -53,7 +54,7 @@ def with_channels_set_right(task: Task, again: Again) -> tuple[Task, SetRight | 
         Gives the task with rows about the estimate of its records, from near by; None where there is none.
     """
     step("looking for channels that are late or off zero")
-    parts = tuple(part_tried(record) for record in task.records)
+    parts = tuple(part_tried(record, ALIGNED_ON) for record in task.records)
     job = replace(task.job, records=parts, surveys=(), memory_limit=None)
     tried = replace(task, records=parts, unseen=(), job=job)
     every = (*channel_errors(task.model), *row_forces(task.model))

@@ -11,6 +11,7 @@ import pytest
 
 from modelgen import identify
 from modelgen.render.arms.arm_writer import arm_module
+from modelgen.runtime.identification.elastic import channels_set_right
 from modelgen.runtime.identification.elastic.channel_errors import SetRight, by_half, channel_errors, gears
 from modelgen.runtime.identification.elastic.joint_effects import pulled_size
 from modelgen.runtime.iv.model_errors import delay_effect
@@ -156,3 +157,13 @@ def test_what_noise_moves_a_size_by_is_known() -> None:
     # noise n of the column adds n^T (0 - n x) to its product with Y - W x
     pull = np.array([-n * noise**2 * 1.0])
     assert pulled_size(share, pull, left) == pytest.approx(found[1] - 0.0, rel=0.02)
+
+
+@pytest.mark.slow
+def test_of_a_long_record_the_middle_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, read, truth = made()
+    monkeypatch.setattr(channels_set_right, "ALIGNED_ON", 4000)
+    estimate = estimated(model, read | {"tau_1": shift("tau_1", -1.0).whole(read["tau_1"])})
+    (said,) = told(estimate)
+    assert "tau_1 is late" in said
+    assert np.max(np.abs(errors(estimate, truth))) < 4.0
