@@ -82,8 +82,7 @@ class Simulated:
 
     `record` holds the channels, `motion` the signals of all bodies (``v_BODY`` and the like), `led` what the
     measured record says of these, by body. `index` says which of the records it is. `slow` is a speed that
-    counts as low, by body, the same in all records. `felt` is for `modelgen.runtime.iv.pushed_chain`:
-    which rows feel the pushes that it has looked at.
+    counts as low, by body, the same in all records. `felt` is which rows feel pushes, of `pushed_chain`.
     `measured` is the record itself, which leads the motion up to `led_hz`; below `slow_hz` the sensors of
     lowest order alone do so. `smoothed` are speeds of all bodies in the record asked for last.
     """
@@ -106,6 +105,11 @@ class Simulated:
         size = quick_length(self.record.n)
         omega = np.asarray(2.0 * pi * np.fft.rfftfreq(size, self.record.dt), dtype=float)
         return held_chain(self.plant, omega)
+
+    @cached_property
+    def places(self) -> dict[str, FloatArray]:
+        """Positions of bodies that `modelgen.runtime.iv.shapes.ripple` has worked out."""
+        return {}
 
     @cached_property
     def mismatch(self) -> tuple[dict[str, float], ...]:

@@ -118,10 +118,9 @@ def effect_rows(
         blocks = {index: fit.blocks[index] for index in fit.by_record[record]}
         turning = {block.row for block in blocks.values() if block.turning}
         calm = _rows(setting, one.record, record)
-        spreads = {key: float(np.std(samples)) for key, samples in one.record.signals.items()}
         for effect, known in zip(effects, (*sizes, *[0.0] * len(effects)), strict=False):
             touched, changes = _seen_in(setting.model, effect.added(one, known))
-            size = _tried_size(spreads, changes)
+            size = _tried_size(one.record, changes)
             if size == 0.0:
                 found.append({})
                 continue
@@ -241,7 +240,12 @@ def _rows(setting: Setting, record: Record, index: int) -> RecordRows:
     return unmasked_rows(setting.model, record, choice, choice.decimation[index], setting.drop)
 
 
-def _tried_size(spreads: Mapping[str, float], changes: Changes) -> float:
+def _tried_size(record: Record, changes: Changes) -> float:
     """Return the size that is tried, from the standard deviations of the channels."""
     peaks = ((key, largest(change)) for key, change in changes.items())
-    return TRIED_SHARE * min((spreads[key] / peak for key, peak in peaks if peak), default=0.0)
+    return TRIED_SHARE * min((_spread(record, key) / peak for key, peak in peaks if peak), default=0.0)
+
+
+def _spread(record: Record, key: str) -> float:
+    """Return the standard deviation of a channel, in SI."""
+    return record.facts.channels[key].once("spread", lambda: float(np.std(record.signals[key])))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from operator import is_
 from typing import NamedTuple
 
 import numpy as np
@@ -113,22 +114,23 @@ def fit_with_delays(
         When the rounds do not come to rest.
     """
     sample = 1.0 / min(record.fs for record in records)
-    start = near
-    delays = (
-        dict(first_of(run(records, None)[1]))
-        if near is None
-        else {channel: delay for channel, delay, _ in near.delays}
-    )
+    start, begun = near, None
+    if near is None:
+        begun = run(records, None)
+        delays = dict(first_of(begun[1]))
+    else:
+        delays = {channel: delay for channel, delay, _ in near.delays}
     for _ in range(DELAY_ROUNDS):
         moved = tuple(advanced(record, delays) for record in records)
-        # rows of one round at a time are in memory
+        # rows of one round at a time are in memory; without a delay the first has those that were looked at
+        begun = begun if all(map(is_, moved, records)) else None
         try:
-            found = _round(moved, channels, run, rates_of, start, sample)
+            found = _round(moved, channels, run, rates_of, start, sample, begun)
         except IdentifiabilityError as error:
             raise IdentifiabilityError(*error.problems, *_late_so_far(delays, sample)) from error
         if isinstance(found, _AtRest):
             break
-        start, steps = found
+        (start, steps), begun = found, None
         for channel, step in zip(channels, steps, strict=True):
             limit = LARGEST_DELAY * sample
             delays[channel] = float(np.clip(delays[channel] + np.clip(step, -sample, sample), -limit, limit))
@@ -165,9 +167,13 @@ def _round(
     rates_of: Rates,
     start: Fit | None,
     sample: float,
+    begun: tuple[Observation, Fit] | None,
 ) -> _AtRest | tuple[Fit, FloatArray]:
-    """Return a round that has come to rest, or what the next one starts from, and steps of the delays."""
-    observation, fit = run(moved, start)
+    """Return a round that has come to rest, or what the next one starts from, and steps of the delays.
+
+    `begun` are its rows and their fit, if they are known.
+    """
+    observation, fit = begun or run(moved, start)
     rates = [rates_of(fit, moved, channel) for channel in channels]
     larger = with_columns(fit, fit.regressors, [steps_of(rate) for rate in rates])
     simulated = None

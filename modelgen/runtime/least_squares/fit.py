@@ -16,7 +16,7 @@ from modelgen.runtime.numerics.qr_triangle import joined_triangle, lines_of, tal
 from modelgen.runtime.numerics.regressor import Regressor, Regressors
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import RowBlock, Stretch
-from modelgen.runtime.rows.row_triangles import triangle_rows
+from modelgen.runtime.rows.row_triangles import misfit_of, triangle_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,16 +133,8 @@ class Fit:
 
     @property
     def misfit(self) -> float:
-        """Minus the logarithm of the likelihood, each block with a noise of its own.
-
-        Residuals count as shares of the measured forces, or of what rows without a force balance: parameters
-        that shrink a row explain nothing, nor do terms that grow and cancel each other.
-        """
-        tiny = float(np.finfo(float).tiny)
-        return sum(
-            block.count * float(np.log(max(left / (block.size(self.solution.x) or 1.0), tiny)))
-            for block, left in zip(self.blocks, self.residual_norms, strict=True)
-        )
+        """Minus the logarithm of the likelihood, each block with a noise of its own; see `misfit_of`."""
+        return misfit_of(self.blocks, self.residual_norms, self.solution.x)
 
     @property
     def weighted_residual(self) -> FloatArray:

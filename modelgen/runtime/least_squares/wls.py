@@ -61,10 +61,11 @@ def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE
 
 @dataclass(frozen=True, eq=False)
 class MatchedSolution:
-    """What `fit_matched` finds, without what it left of the rows: the columns, and their solution."""
+    """What `fit_matched` finds, with triangles in place of the rows used: the columns, and their solution."""
 
     columns: tuple[str, ...]
     solution: LeastSquares
+    rows: tuple[RowTriangle, ...]
 
 
 def solve_matched(
@@ -81,7 +82,8 @@ def solve_matched(
     """
     used, columns, _ = _used_with_force([row.summary for row in rows], names)
     weights, _ = _matched_weights(used, len(columns), load_row_share)
-    return MatchedSolution(columns, polished(_triangle(used, weights, len(columns)), (), alike=ALIKE))
+    solution = polished(_triangle(used, weights, len(columns)), (), alike=ALIKE)
+    return MatchedSolution(columns, solution, used)
 
 
 def _matched_weights(

@@ -97,6 +97,29 @@ class RowTriangle:
         triangle = triangle_of(self.triangle[:, [0, *inside, -1]])
         return replace(self, triangle=triangle, touched=np.array(kept, dtype=np.int64))
 
+    def about_constant(self, place: int) -> RowTriangle:
+        """Return the same with a constant as a further column, the one at `place` behind all others."""
+        ones, own = self.triangle[:, [0]], self.triangle[:, :-1]
+        columns = np.arange(own.shape[1] - 1) if self.touched is None else self.touched
+        triangle = triangle_of(np.hstack([own, ones, self.triangle[:, -1:]]))
+        return replace(self, triangle=triangle, touched=np.append(columns, place))
+
+
+def misfit_of(
+    rows: Sequence[RowBlock | RowTriangle], residual_norms: Sequence[float], x: FloatArray
+) -> float:
+    """Return minus the logarithm of the likelihood of a solution, each row with a noise of its own.
+
+    Residuals count as shares of the measured forces, or of what rows without a force balance: parameters
+    that shrink a row explain nothing, nor do terms that grow and cancel each other. x is in the order of all
+    columns, shape (columns,).
+    """
+    tiny = float(np.finfo(float).tiny)
+    return sum(
+        row.summary.count * float(np.log(max(left / (row.summary.size(x) or 1.0), tiny)))
+        for row, left in zip(rows, residual_norms, strict=True)
+    )
+
 
 def observe_triangles(
     model: Model,

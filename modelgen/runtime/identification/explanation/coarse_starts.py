@@ -36,9 +36,10 @@ from modelgen.runtime.iv.low_pass import low_pass, two_poles
 from modelgen.runtime.iv.model_errors import clock_effects, delay_effect, delay_effects, zero_effects
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.least_squares.wls import fit_matched, solve_matched
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_triangles import misfit_of
 from modelgen.runtime.simulation.closed_loop import rigid_motion
 
 
@@ -76,12 +77,12 @@ def coarse_starts(job: Job) -> Iterator[Start]:
     short = replace(
         job, records=tuple(one.part(0, min(LOOKED_AT, one.n), one.name) for one in job.records), surveys=()
     )
-    plain = _fit(short, short.records)
-    limit = plain.misfit + log(CLEARLY_LESS) * plain.count
+    plain, count = _misfit(short, short.records)
+    limit = plain + log(CLEARLY_LESS) * count
     found = [best for best in (_best(short, one) for one in _families(short)) if best is not None]
-    found = [one for one in found if one.fit.misfit < limit]
-    for one in sorted(found, key=lambda one: one.fit.misfit)[:MOST_TRIED]:
-        start = _with_delays(job, one)
+    found = [one for one in found if one.misfit < limit]
+    for one in sorted(found, key=lambda one: one.misfit)[:MOST_TRIED]:
+        start = _with_delays(job, one.effects, one.sizes)
         yield start
         if zeros.effects:
             effects, sizes = (*start.effects, *zeros.effects), (*start.sizes, *zeros.sizes)
@@ -122,10 +123,10 @@ def zeros_apart(job: Job) -> Zeros:
     return Zeros(effects, tuple(sizes), differ)
 
 
-def _with_delays(job: Job, start: Start) -> Start:
-    """Return a start of the whole records; delays of forces are those of its fit, and no effects."""
-    fit = _fit(job, corrected(job.records, {}, start.effects, start.sizes))
-    sized = list(zip(start.effects, start.sizes, strict=True))
+def _with_delays(job: Job, effects: tuple[Effect, ...], sizes: tuple[float, ...]) -> Start:
+    """Return the start of the whole records; delays of forces are those of its fit, and no effects."""
+    fit = _fit(job, corrected(job.records, {}, effects, sizes))
+    sized = list(zip(effects, sizes, strict=True))
     late = {one.channel: size for one, size in sized if one.kind == "delay" and one.channel in job.late}
     kept = [(one, size) for one, size in sized if one.channel not in late or one.kind != "delay"]
     delays = tuple((key, late.get(key, 0.0), 0.0) for key in job.late)
@@ -164,23 +165,45 @@ def _behind(late: Effect, lag: Effect, sample: float, tried: tuple[float, ...]) 
     return _Family((late, lag), lambda by: (by * sample, 0.5 * by * abs(by) * sample**2), tried)
 
 
-def _best(job: Job, family: _Family) -> Start | None:
+class _Looked(NamedTuple):
+    """Effects of a family at the sizes that leave least, and the misfit."""
+
+    effects: tuple[Effect, ...]
+    sizes: tuple[float, ...]
+    misfit: float
+
+
+def _best(job: Job, family: _Family) -> _Looked | None:
     """Return the sizes that leave least, those between the ones that are tried included; None without any."""
-    found: dict[float, Start] = {}
+    found: dict[float, float] = {}
 
     def look(by: float) -> None:
-        sizes = family.sizes(by)
-        records = corrected(job.records, {}, family.effects, sizes)
+        records = corrected(job.records, {}, family.effects, family.sizes(by))
         with suppress(IdentifiabilityError):
-            found[by] = Start(family.effects, sizes, _fit(job, records))
+            found[by], _ = _misfit(job, records)
 
     for by in family.tried:
         look(by)
     for step in FINER if found else ():
-        best = min(found, key=lambda by: found[by].fit.misfit)
-        look(best + step)
-        look(best - step)
-    return min(found.values(), key=lambda one: one.fit.misfit, default=None)
+        best = min(found, key=found.__getitem__)
+        for by in (best + step, best - step):
+            if by not in found:
+                look(by)
+    best = min(found, key=found.__getitem__, default=0.0)
+    return _Looked(family.effects, family.sizes(best), found[best]) if found else None
+
+
+def _misfit(job: Job, records: tuple[Record, ...]) -> tuple[float, int]:
+    """Return the misfit of `_fit`, and how many samples it is of, from triangles of the rows."""
+    rows = job.calm(records)
+    blocks, columns = [block.summary for block in rows.blocks if block.count], rows.columns
+    if zero_effects(job.model, len(records)):
+        blocks = [block.about_constant(len(columns) + place) for place, block in enumerate(blocks)]
+        columns = (*columns, *_constants(len(blocks)))
+    found = solve_matched(blocks, columns)
+    x = found.solution.x
+    left = misfit_of(found.rows, [row.residual_norm(x) for row in found.rows], x)
+    return left, sum(row.count for row in found.rows)
 
 
 def _fit(job: Job, records: tuple[Record, ...]) -> Fit:
@@ -204,8 +227,11 @@ def _with_constants(plain: Fit) -> Fit:
         )
         for index, block in enumerate(plain.dense().blocks)
     )
-    names = tuple(f"constant {index}" for index in range(count))
-    return fit_matched(Observation(plain.columns + names, blocks))
+    return fit_matched(Observation(plain.columns + _constants(count), blocks))
+
+
+def _constants(count: int) -> tuple[str, ...]:
+    return tuple(f"constant {index}" for index in range(count))
 
 
 def _about_zeros(job: Job) -> Fit:

@@ -131,8 +131,14 @@ def wave(
 def position(simulated: Simulated, body: str) -> FloatArray:
     """Return the position of a body in the measured record, from its middle, in rad or m, shape (n,).
 
-    The simulated one, led by the sensor that shows its slow motion best.
+    The simulated one, led by the sensor that shows its slow motion best; not to be changed.
     """
+    if body not in simulated.places:
+        simulated.places[body] = _position(simulated, body)
+    return simulated.places[body]
+
+
+def _position(simulated: Simulated, body: str) -> FloatArray:
     own, record = simulated.motion[f"q_{body}"], simulated.measured
     if record is not None:
         sensor, gear = nearest_sensor(simulated.plant, body, record)
