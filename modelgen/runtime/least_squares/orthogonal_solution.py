@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import sqrt
 
 import numpy as np
 
@@ -194,8 +195,8 @@ def _stretch(matrix: FloatArray) -> float:
     """Return the largest singular value of a square matrix, a few per cent too small at most."""
     along = np.sum(np.abs(matrix), axis=0)
     for _ in range(POWERS):
-        along = matrix.T @ (matrix @ (along / np.linalg.norm(along)))
-    return float(np.sqrt(np.linalg.norm(along)))
+        along = matrix.T @ (matrix @ (along / sqrt(along @ along)))
+    return sqrt(sqrt(along @ along))
 
 
 def _rounding(inner: TriangleInverse, size: float, residual: float) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,8 @@ Parts = Sequence[tuple[FloatArray | Regressor, FloatArray]]
 ONE_PIECE = 1 << 16
 SPLITTER = 2.0**27 + 1.0  # splits 53 bits into two halves whose products are exact
 ROUNDS = 2
+# A step of less than so much of each number is one of their own rounding: another round would find as much.
+NOTHING = 4.0 * float(np.finfo(float).eps)
 
 
 def refined(parts: Parts, x: FloatArray, inverse: FloatArray) -> FloatArray:
@@ -43,11 +46,14 @@ def refined(parts: Parts, x: FloatArray, inverse: FloatArray) -> FloatArray:
         defects = []
         for (W, Y), residual in zip(parts, residuals, strict=True):
             of = regressor(W)
-            defect = _defect(of.samples, Y, of.own(x), residual)
-            gradient += of.spread(of.samples.T @ defect + _projection(of.samples, residual))
+            lines = _split(np.ascontiguousarray(of.samples.T))
+            defect = _defect(lines, Y, of.own(x), residual)
+            gradient += of.spread(of.samples.T @ defect + _projection(lines, residual))
             defects.append(defect)
         step = inverse @ gradient
         x = x + step
+        if np.all(np.abs(step) <= NOTHING * np.abs(x)):
+            break
         residuals = [
             residual + (defect - regressor(W).times(step))
             for (W, _), residual, defect in zip(parts, residuals, defects, strict=True)
@@ -71,29 +77,43 @@ def _joined(parts: Parts) -> Parts:
     return [(alike, np.concatenate([Y for _, Y in every]))]
 
 
-def _defect(W: FloatArray, Y: FloatArray, x: FloatArray, residual: FloatArray) -> FloatArray:
-    """Return Y - residual - W x, shape (r,)."""
+class _Split(NamedTuple):
+    """Numbers, and two halves that add up to them and whose products are exact."""
+
+    whole: FloatArray
+    high: FloatArray
+    low: FloatArray
+
+
+def _split(a: FloatArray) -> _Split:
+    shifted = SPLITTER * a
+    high = shifted - (shifted - a)
+    return _Split(a, high, a - high)
+
+
+def _defect(lines: _Split, Y: FloatArray, x: FloatArray, residual: FloatArray) -> FloatArray:
+    """Return Y - residual - W x, shape (r,), of columns of W in lines, (c, r)."""
     total, lost = _sum(Y, -residual)
-    for column, value in zip(W.T, x, strict=True):
-        product, below = _product(column, np.full(len(column), -value))
+    values = _split(-x)
+    for column, value in zip(zip(*lines, strict=True), zip(*values, strict=True), strict=True):
+        product, below = _product(_Split(*column), _Split(*value))
         total, more = _sum(total, product)
         lost = lost + (below + more)
     return total + lost
 
 
-def _projection(W: FloatArray, residual: FloatArray) -> FloatArray:
-    """Return W^T residual, shape (c,), adding up by halves."""
+def _projection(lines: _Split, residual: FloatArray) -> FloatArray:
+    """Return W^T residual, shape (c,), of columns of W in lines, (c, r), adding up by halves."""
     if not len(residual):  # every sample of this piece is masked
-        return np.zeros(W.shape[1])
-    total, lost = _product(W, residual[:, None])
-    while len(total) > 1:
-        odd = total[-1:] if len(total) % 2 else total[:0]
-        odd_lost = lost[-1:] if len(total) % 2 else lost[:0]
-        pairs = len(total) // 2
-        sums, more = _sum(total[:pairs], total[pairs : 2 * pairs])
-        lost = np.concatenate([lost[:pairs] + lost[pairs : 2 * pairs] + more, odd_lost])
-        total = np.concatenate([sums, odd])
-    return np.asarray(total[0] + lost[0])
+        return np.zeros(len(lines.whole))
+    total, lost = _product(lines, _split(residual))
+    while total.shape[1] > 1:
+        # an odd one waits behind the sums
+        pairs, odd = total.shape[1] // 2, slice(2 * (total.shape[1] // 2), None)
+        sums, more = _sum(total[:, :pairs], total[:, pairs : 2 * pairs])
+        lost = np.hstack([lost[:, :pairs] + lost[:, pairs : 2 * pairs] + more, lost[:, odd]])
+        total = np.hstack([sums, total[:, odd]])
+    return np.asarray(total[:, 0] + lost[:, 0])
 
 
 def _sum(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -103,14 +123,7 @@ def _sum(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
     return total, (a - (total - part)) + (b - part)
 
 
-def _product(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _product(a: _Split, b: _Split) -> tuple[FloatArray, FloatArray]:
     """Return a b and what rounding has left out of it."""
-    product = a * b
-    (a_high, a_low), (b_high, b_low) = _halves(a), _halves(b)
-    return product, ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
-
-
-def _halves(a: FloatArray) -> tuple[FloatArray, FloatArray]:
-    shifted = SPLITTER * a
-    high = shifted - (shifted - a)
-    return high, a - high
+    product = a.whole * b.whole
+    return product, ((a.high * b.high - product) + a.high * b.low + a.low * b.high) + a.low * b.low

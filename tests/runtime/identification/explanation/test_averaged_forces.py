@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,11 @@ FS, FINE = 1000.0, 8
 HELD = Drive(rate_hz=FS)
 
 
+@cache
+def fine_record(place: int, motion: str, drive: Drive | None = None) -> Record:
+    return simulate(SMALL, TRUTH, motion, fs=FINE * FS, duration_s=3.0, seed=place, drive=drive).record
+
+
 def records(reported: str, loud: float = 1.0) -> list[Record]:
     """Records at FS whose force is the mean over the last sample, or over a half, or only late by a half.
 
@@ -24,10 +31,9 @@ def records(reported: str, loud: float = 1.0) -> list[Record]:
     """
     found = []
     for place, motion in enumerate(("trapezoid", "chirp")):
-        fine = simulate(SMALL, TRUTH, motion, fs=FINE * FS, duration_s=3.0, seed=place).record
+        fine = fine_record(place, motion, HELD if reported == "command" else None)
         force = fine.signals["Gamma_m"]
         if reported == "command":
-            fine = simulate(SMALL, TRUTH, motion, fs=FINE * FS, duration_s=3.0, seed=place, drive=HELD).record
             force = fine.edited({"Gamma_m": shift("Gamma_m", -FINE)}).signals["Gamma_m"]
         length = {"mean": FINE, "half": FINE // 2}.get(reported)
         if length:
