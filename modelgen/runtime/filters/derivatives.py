@@ -104,3 +104,15 @@ def paper_difference(samples: FloatArray, dt: float, times: int = 1) -> FloatArr
     for _ in range(times):
         derivative = np.asarray(np.gradient(derivative, dt), dtype=float)
     return derivative
+
+
+def integral(samples: FloatArray, dt: float) -> FloatArray:
+    """Return the integral of samples dt s apart up to a constant, shape (n,).
+
+    The trapezoidal rule with two terms of Euler and Maclaurin: at a sixth of the sampling frequency it alone
+    is 9 % low, with them 2e-4.
+    """
+    slope = differentiate(samples, dt)
+    bend = differentiate(differentiate(slope, dt), dt)
+    trapezoids = dt * (np.cumsum(samples) - 0.5 * samples)
+    return np.asarray(trapezoids - dt**2 / 12.0 * slope + dt**4 / 720.0 * bend)

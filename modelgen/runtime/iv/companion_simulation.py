@@ -107,8 +107,8 @@ class Simulated:
         return held_chain(self.plant, omega)
 
     @cached_property
-    def places(self) -> dict[str, FloatArray]:
-        """Positions of bodies that `modelgen.runtime.iv.shapes.ripple` has worked out."""
+    def places(self) -> dict[tuple[str, str], FloatArray]:
+        """Positions of bodies, and deflections of links, that effects have worked out, by kind and name."""
         return {}
 
     @cached_property

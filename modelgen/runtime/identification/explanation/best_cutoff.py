@@ -162,6 +162,7 @@ class _Scan:
         self._begun = begun
         self.found = {0: begun}
         self._tried = {0: _tried(begun)}
+        self._moves: dict[tuple[int, int], FloatArray] = {}
 
     def best(self) -> int:
         """Return which step to take: 0, unless another is clearly better."""
@@ -185,7 +186,9 @@ class _Scan:
             moved: FloatArray = np.zeros(len(size))
             for lower, other in self._tried.items():
                 if lower < step and alone[lower] >= alone[step]:
-                    moved = np.maximum(moved, one.moved_from(other))
+                    if (step, lower) not in self._moves:
+                        self._moves[step, lower] = one.moved_from(other)
+                    moved = np.maximum(moved, self._moves[step, lower])
             worth[step] = one.digits(size, moved)
         return worth
 

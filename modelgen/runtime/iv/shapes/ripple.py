@@ -133,9 +133,10 @@ def position(simulated: Simulated, body: str) -> FloatArray:
 
     The simulated one, led by the sensor that shows its slow motion best; not to be changed.
     """
-    if body not in simulated.places:
-        simulated.places[body] = _position(simulated, body)
-    return simulated.places[body]
+    key = "position", body
+    if key not in simulated.places:
+        simulated.places[key] = _position(simulated, body)
+    return simulated.places[key]
 
 
 def _position(simulated: Simulated, body: str) -> FloatArray:
