@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +28,18 @@ pytestmark = [
 ]
 
 
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    """The address of one cluster for all that do not ask how it is started: that takes seconds."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
 @pytest.mark.slow
-def test_every_machine_gets_its_estimate_and_a_corrupt_file_is_named(tmp_path: Path) -> None:
-    pytest.importorskip("distributed")
+def test_every_machine_gets_its_estimate_and_a_corrupt_file_is_named(tmp_path: Path, scheduler: str) -> None:
     h5py = pytest.importorskip("h5py")
     truth = MODEL.parameter_sets["table_2"]
     record, other = (
@@ -45,7 +55,17 @@ def test_every_machine_gets_its_estimate_and_a_corrupt_file_is_named(tmp_path: P
         for channel, samples in record.signals.items():
             file[channel] = samples
     broken.write_bytes(whole.read_bytes()[:300])
-    options = ["--model", str(MODULE), "--cutoff-hz", "300", "--fs", "5000", "--workers", "1", "--json"]
+    options = [
+        "--model",
+        str(MODULE),
+        "--cutoff-hz",
+        "300",
+        "--fs",
+        "5000",
+        "--scheduler",
+        scheduler,
+        "--json",
+    ]
     result = CliRunner().invoke(app, ["fleet", str(folder), str(whole), str(broken), *options])
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)
@@ -86,8 +106,7 @@ def test_the_module_is_read_once_and_trusted_if_told(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.slow
-def test_a_scheduler_is_asked_and_the_table_names_machines(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed")
+def test_a_scheduler_is_asked_and_the_table_names_machines(tmp_path: Path, scheduler: str) -> None:
     truth = MODEL.parameter_sets["table_2"]
     for machine, kind in (("press", "chirp"), ("crane", "trapezoid")):
         record = simulate(MODEL, truth, kind, duration_s=2.0, oversample=8).record
@@ -97,11 +116,8 @@ def test_a_scheduler_is_asked_and_the_table_names_machines(tmp_path: Path) -> No
             np.save(folder / f"{channel}.npy", samples)
     files = [str(tmp_path / machine / "run1") for machine in ("press", "crane")]
     options = ["--model", str(MODULE), "--cutoff-hz", "300", "--fs", "5000"]
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
-    ) as cluster:
-        asked = ["--scheduler", cluster.scheduler_address, "--report", str(tmp_path / "fleet.html")]
-        result = CliRunner().invoke(app, ["fleet", *files, *options, *asked])
+    asked = ["--scheduler", scheduler, "--report", str(tmp_path / "fleet.html")]
+    result = CliRunner().invoke(app, ["fleet", *files, *options, *asked])
     assert result.exit_code == 0, result.output
     lines = result.stdout.splitlines()
     table = lines[: lines.index("")]
@@ -113,9 +129,8 @@ def test_a_scheduler_is_asked_and_the_table_names_machines(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-def test_units_of_files_are_those_of_identify(tmp_path: Path) -> None:
+def test_units_of_files_are_those_of_identify(tmp_path: Path, scheduler: str) -> None:
     """A file that states degrees gives the same by both commands, to the last digit."""
-    pytest.importorskip("distributed")
     record = simulate(MODEL, MODEL.parameter_sets["table_2"], "chirp", duration_s=2.0, oversample=8).record
     file = tmp_path / "press" / "run.csv"
     file.parent.mkdir()
@@ -125,7 +140,7 @@ def test_units_of_files_are_those_of_identify(tmp_path: Path) -> None:
     np.savetxt(file, np.column_stack(columns), delimiter=",", header=heads, comments="")
     options = ["--model", str(MODULE), "--json"]
     alone = json.loads(CliRunner().invoke(app, ["identify", str(file), *options]).stdout)
-    fleet = CliRunner().invoke(app, ["fleet", str(file), *options, "--workers", "1"])
+    fleet = CliRunner().invoke(app, ["fleet", str(file), *options, "--scheduler", scheduler])
     assert fleet.exit_code == 0, fleet.output
     found = json.loads(fleet.stdout)["machines"]["press"]
     assert found["params"] == alone["params"]
