@@ -5,13 +5,18 @@ import pytest
 
 from generated import emps300_qm_qc
 from modelgen.errors import DataError
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.options import values_of
-from modelgen.runtime.least_squares.delays import advanced
+from modelgen.runtime.least_squares.delays import advanced, fit_with_delays
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.known_delays import aligned
 from modelgen.runtime.least_squares.time_shifts import hold, shift
+from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.simulation.simulate import simulate
 
 QC = model_from_module(emps300_qm_qc)
@@ -103,3 +108,16 @@ def test_a_force_that_never_changes_has_no_delay_to_be_found() -> None:
     assert aligned(QC, [still, moving], None, (), True)[1] == ("Gamma_m",)
     assert aligned(QC, [still], None, (), True)[1] == ()
     assert aligned(QC, [still], "estimate", (), False)[1] == ()
+
+
+def test_rows_in_which_delays_are_looked_for_are_not_made_again() -> None:
+    records, asked = (late(0.0)[0],), list[tuple[Record, ...]]()
+    job = Job(QC, records, choose_filter(QC, records), late=("Gamma_m",))
+
+    def run(these: tuple[Record, ...], _: Fit | None) -> tuple[Observation, Fit]:
+        asked.append(these)
+        observation = job.observed(these)
+        return observation, fit_matched(observation)
+
+    fit_with_delays(records, job.late, run, job.rates, lambda _: {"Gamma_m": 0.0})
+    assert len({tuple(map(id, these)) for these in asked}) == len(asked) > 1

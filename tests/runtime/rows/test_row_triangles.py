@@ -13,11 +13,12 @@ from generated import emps300_qm_ac, emps300_qm_qc, three_mass_qa_qb_ac, tree_po
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.least_squares.wls import fit_matched, solve_matched
 from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.numerics.qr_triangle import tall_triangle
 from modelgen.runtime.records.channels import EditedChannels
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import observe
 from modelgen.runtime.rows.record_rows import matched_rows
-from modelgen.runtime.rows.row_triangles import observe_triangles, row_triangles
+from modelgen.runtime.rows.row_triangles import RowTriangle, observe_triangles, row_triangles
 from modelgen.runtime.simulation.simulate import simulate
 
 CHAINS = (emps300_qm_qc, emps300_qm_ac, two_mass_bench_qm_qc, three_mass_qa_qb_ac, tree_positions)
@@ -47,6 +48,20 @@ def test_solution_and_sizes_are_those_of_the_rows(module: ModuleType) -> None:
         assert triangle.force_scale == pytest.approx(block.force_scale, rel=1e-12)
         assert triangle.residual_norm(x) == pytest.approx(float(np.linalg.norm(block.residual(x))), rel=1e-9)
         assert triangle.terms_norm(x) == pytest.approx(block.terms_norm(x), rel=1e-9)
+
+
+def test_a_constant_is_put_behind_the_columns_of_a_row() -> None:
+    rng = np.random.default_rng(0)
+    W, y = rng.standard_normal((50, 3)), rng.standard_normal(50)
+    row = RowTriangle(0, 0, 50, 50, True, 1.0, tall_triangle(W, y), np.array([0, 1, 4]))
+    found = row.about_constant(7)
+    assert found.touched is not None and found.touched.tolist() == [0, 1, 4, 7]
+    every = np.column_stack([W, np.ones(50)])
+    x = np.linalg.lstsq(every, y)[0]
+    wide = np.zeros(8)
+    wide[found.touched] = x
+    assert found.residual_norm(wide) == pytest.approx(float(np.linalg.norm(y - every @ x)), rel=1e-12)
+    assert found.terms_norm(wide) == pytest.approx(row.terms_norm(wide), rel=1e-12)
 
 
 def test_memory_does_not_grow_with_the_number_of_chunks(monkeypatch: pytest.MonkeyPatch) -> None:

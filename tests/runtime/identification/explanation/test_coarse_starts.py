@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
-from modelgen.runtime.identification.explanation.coarse_starts import Start, coarse_starts
+from modelgen.runtime.identification.explanation.coarse_starts import Start, _fit, _misfit, coarse_starts
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.iv.low_pass import without_lag
@@ -40,6 +40,15 @@ def sized(start: Start) -> dict[str, float]:
 
 def causes(start: Start) -> list[str]:
     return [effect.name for effect in start.effects if effect.kind != "zero"]
+
+
+@pytest.mark.parametrize("zero", [0.0, 0.05])
+def test_what_is_looked_at_has_the_misfit_of_the_fit(zero: float) -> None:
+    records = read_otherwise("late", 2.0, zero)
+    job = Job(SMALL, records, choose_filter(SMALL, records))
+    fit, (misfit, count) = _fit(job, records), _misfit(job, records)
+    assert misfit == pytest.approx(fit.misfit, rel=1e-9)
+    assert count == fit.count
 
 
 @pytest.mark.slow
