@@ -108,7 +108,7 @@ class Simulated:
 
     @cached_property
     def places(self) -> dict[tuple[str, str], FloatArray]:
-        """Positions of bodies, and deflections of links, that effects have worked out, by kind and name."""
+        """Positions of bodies, deflections of links, SI, shape (n,), found for effects, by kind and name."""
         return {}
 
     @cached_property
