@@ -216,7 +216,7 @@ TELLS_MORE = 0.5
 # While steps do not rest, what is taken up explains this share of the residual; what explains so nearly as
 # much as the best is as good.
 ALIGNING_ROUNDS, ALIGNMENT_AT_REST, PATIENT_ALIGNING, NEARLY_AT_REST = 15, 0.1, 5, 0.3
-ALIGNED_APART, MORE_CERTAIN, LARGE_PART, ALIKE_PART = 5.0, 1.5, 0.1, 0.97
+ALIGNED_APART, MORE_CERTAIN, LARGE_PART, ALIKE_PART = 5.0, 1.5, 0.1, 0.85
 # So many samples of each record are looked at: rows of six joints then take less than 100 MB.
 ALIGNED_ON = 1 << 15
 # What is tried of a delay in samples, of a gain, and of a zero as a share of what a channel spans: small
