@@ -23,18 +23,13 @@ from modelgen.runtime.iv.thresholds import (
 )
 from modelgen.runtime.model.mechanical_parts import Friction
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.records.record import Record
 
 ROLE_OF = {"constant force": "offset", "Coulomb friction": "coulomb", "viscous friction": "viscous"}
 KIND_OF = {"constant force": "constant", "Coulomb friction": "force", "viscous friction": "force"}
-# What is said of what changes in the course of the records.
-MEAN = "as where a machine warms up: its value is that of the middle, and the interval holds what it was"
 EITHER_SIGN = ("constant force", "friction by direction")
 
 
-def chain_effects(
-    model: Model, bodies: Sequence[str], turning: bool, records: Sequence[Record]
-) -> Iterator[Effect]:
+def chain_effects(model: Model, bodies: Sequence[str], turning: bool) -> Iterator[Effect]:
     """Yield the effects of bodies and of links; none with cubic springs: such a chain is not linear.
 
     `turning` says whether samples about reversals are used.
@@ -46,7 +41,6 @@ def chain_effects(
     for friction in model.friction:
         if friction.coulomb_plus and turning:
             yield _late_direction(friction)
-    yield from _drifts(model, courses(records))
     for name, role in model.roles.items():
         if role.role == "stiffness":
             yield from _link_effects(name, role.bodies)
@@ -86,65 +80,6 @@ def _body_effects(body: str, named: Collection[str], turning: bool) -> Iterator[
                  _further_mass(body))  # fmt: skip
 
 
-def courses(records: Sequence[Record]) -> list[list[tuple[float, float]]]:
-    """Return ways in which something changes in the course of records: from where to where each goes, of 1.
-
-    From the first sample to the last, in every record anew, or from one record to the next.
-    """
-    lasting, last = [record.n * record.dt for record in records], len(records) - 1
-    ends = np.cumsum(lasting) / sum(lasting)
-    found = [list(zip([0.0, *ends.tolist()], ends.tolist(), strict=False))]
-    if last > 0:
-        found += [[(0.0, 1.0)] * (last + 1), [(index / last, index / last) for index in range(last + 1)]]
-    return found
-
-
-def along(course: Sequence[tuple[float, float]], index: int, samples: int) -> FloatArray:
-    """Return where a record is in a course, from the middle of it on, shape (samples,)."""
-    return np.linspace(*course[index], samples) - 0.5
-
-
-def spread(course: Sequence[tuple[float, float]]) -> float:
-    """Return the rms of where records are in a course, from the middle of it on."""
-    return float(np.sqrt(np.mean([np.mean(along(course, index, 9) ** 2) for index in range(len(course))])))
-
-
-def _drifts(model: Model, ways: Sequence[Sequence[tuple[float, float]]]) -> Iterator[Effect]:
-    """Yield that friction which the spec names changes in the course of the records, as where it warms up.
-
-    The size is the change from the beginning to the end, in N m or N, and per speed.
-    """
-    for friction in model.friction:
-        names = [one for one in (friction.coulomb_plus, friction.coulomb_minus) if one]
-        if names:
-            name = f"Coulomb friction on {friction.body}"
-            yield from (_drift(name, friction.body, np.sign, course, names) for course in ways)
-    for name, role in model.roles.items():
-        if role.role == "viscous" and len(role.bodies) == 1:
-            (body,) = role.bodies
-            said = f"viscous friction on {body}"
-            yield from (_drift(said, body, np.asarray, course, [name]) for course in ways)
-
-
-def _drift(
-    name: str,
-    body: str,
-    form: Callable[[FloatArray], FloatArray],
-    course: Sequence[tuple[float, float]],
-    names: Sequence[str],
-) -> Effect:
-    """Return that a friction falls along a course of the records."""
-
-    def force(simulated: Simulated) -> FloatArray:
-        speed = simulated.led[body].speed
-        return np.asarray(along(course, simulated.index, len(speed)) * form(speed))
-
-    falls, rises = (f"{name} {way} in the course of the records, {MEAN}" for way in ("falls", "rises"))
-    remedy = "let the machine warm up first, or identify from each record alone"
-    varies = tuple((one, spread(course)) for one in names)
-    return Effect(f"drift of {name}", "drift", falls, rises, remedy, _on_body(body, force), varies=varies)
-
-
 def _late_direction(friction: Friction) -> Effect:
     """Return that the direction of a body changes too late: it is that of a low-passed velocity."""
     body, name = friction.body, friction.coulomb_plus or ""
@@ -155,7 +90,7 @@ def _late_direction(friction: Friction) -> Effect:
 
     return Effect(f"direction of {body}", DIRECTION, f"the direction of {body} changes late",
                   f"the direction of {body} changes early",
-                  "record a motion that reverses less often", _on_body(body, force))  # fmt: skip
+                  "record a motion that reverses less often", on_body(body, force))  # fmt: skip
 
 
 def _link_effects(stiffness: str, bodies: tuple[str, ...]) -> Iterator[Effect]:
@@ -180,16 +115,16 @@ def _stribeck(body: str) -> Callable[[Simulated], Changes]:
         v = simulated.led[body].speed
         return np.asarray(-np.sign(v) * np.exp(-np.abs(v) / simulated.slow[body]))
 
-    return _on_body(body, force)
+    return on_body(body, force)
 
 
-def _on_body(body: str, force: Callable[[Simulated], FloatArray]) -> Callable[[Simulated], Changes]:
+def on_body(body: str, force: Callable[[Simulated], FloatArray]) -> Callable[[Simulated], Changes]:
     """Return what a force on a body, in N m or N, shape (n,), changes in the channels."""
     return lambda simulated: pushed_body(simulated, body, force(simulated))
 
 
 def _friction(body: str, form: Callable[[FloatArray], FloatArray]) -> Callable[[Simulated], Changes]:
-    return _on_body(body, lambda simulated: -form(simulated.led[body].speed))
+    return on_body(body, lambda simulated: -form(simulated.led[body].speed))
 
 
 def _further_mass(body: str) -> Callable[[Simulated], Changes]:
@@ -198,7 +133,7 @@ def _further_mass(body: str) -> Callable[[Simulated], Changes]:
         # J_x s^2 / (1 + s^2 / w^2): J_x s^2 is the body's, the next term - J_x s^4 / w^2 pulls
         return np.asarray(inertia * curvature(simulated.motion[f"a_{body}"], simulated.record.dt))
 
-    return _on_body(body, force)
+    return on_body(body, force)
 
 
 def _spring(
@@ -210,16 +145,16 @@ def _spring(
         lever = deflection_of(simulated.plant, stiffness)
         give = size / simulated.plant.parameters[stiffness]
         if size:
-            return Pushed(simulated, lever, -form(_deflection(simulated, lever, lambda d: give * form(d))))
+            return Pushed(simulated, lever, -form(deflection(simulated, lever, lambda d: give * form(d))))
         key = "deflection", stiffness  # the same for every form
         if key not in simulated.places:
-            simulated.places[key] = _deflection(simulated, lever)
+            simulated.places[key] = deflection(simulated, lever)
         return Pushed(simulated, lever, -form(simulated.places[key]))
 
     return changes
 
 
-def _deflection(
+def deflection(
     simulated: Simulated, lever: FloatArray, less: Callable[[FloatArray], FloatArray] | None = None
 ) -> FloatArray:
     """Return the deflection of a link, shape (n,): that of the record where sensors see it clearly.

@@ -13,11 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.iv.chain_errors import along, chain_effects, courses, spread
+from modelgen.runtime.iv.chain_errors import chain_effects
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.low_pass import low_pass, two_poles
 from modelgen.runtime.iv.thresholds import LONGEST_LIMIT, SATURATED
+from modelgen.runtime.iv.varying_parameters import courses, falling_gain, varying_effects
 from modelgen.runtime.least_squares.time_shifts import on_one_clock, shift
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.channels import Edit
@@ -45,8 +46,9 @@ def effects_of(
         key = actuator.key
         peaks = [record.facts.extent(key).peak for record in records if key in record.signals]
         found += _force_effects(key, key in late, max(peaks, default=0.0))
-        found += [_falling_gain(key, course, model.parameters) for course in courses(records)]
-    found += chain_effects(model, bodies, turning, records)
+        found += [falling_gain(key, course, model.parameters) for course in courses(records)]
+    found += chain_effects(model, bodies, turning)
+    found += varying_effects(model, records)
     return tuple(found)
 
 
@@ -125,26 +127,6 @@ def _force_effects(key: str, late: bool, peak: float) -> Iterator[Effect]:
     if peak > 0.0:
         yield from (_saturation(key, share * peak, peak) for share in SATURATED)
         yield from _force_curves(key, peak)
-
-
-def _falling_gain(key: str, course: Sequence[tuple[float, float]], names: Sequence[str]) -> Effect:
-    """Return that the gain of a force falls along a course of the records: warm magnets are weaker.
-
-    The size is the share of the gain from the beginning to the end. All parameters are in proportion to it.
-    """
-
-    def changes(simulated: Simulated) -> Changes:
-        signal = simulated.record.signals[key]
-        return {key: along(course, simulated.index, len(signal)) * signal}
-
-    said = (
-        "in the course of the records: parameters are those of the middle, and intervals hold what they were"
-    )
-    falls, rises = (f"the gain of {key} {way} {said}" for way in ("falls", "rises"))
-    remedy = "let the drive warm up first, or identify from each record alone"
-    varies = tuple((name, spread(course)) for name in names)
-    return Effect(f"drift of the gain of {key}", "drift", falls, rises, remedy, changes, key,
-                  varies=varies, relative=True)  # fmt: skip
 
 
 def _force_curves(key: str, peak: float) -> Iterator[Effect]:

@@ -153,7 +153,8 @@ def gained(before: Begun, after: Begun, recorded: Job | None = None, held: Colle
     either leaves clearly more than noise it is an error of the forces that is left, which no low-pass of a
     sensor makes less of: misfits are compared as they are.
     """
-    fits = before.found.fit, after.found.fit
+    # what encoders round is no part of either: of motions that hardly differ it would differ by chance
+    fits = before.found.fit, replace(after.found.fit, simulated=before.found.fit.simulated)
     if exceeding(before) and exceeding(after):
         return fits[0].misfit - fits[1].misfit
     one, other = before.found, after.found

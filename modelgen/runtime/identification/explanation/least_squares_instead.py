@@ -59,10 +59,9 @@ def least_squares_instead(
     bias = noise_bias(task.model, task.records, task.choice, fit)
     spread = np.sqrt(job.share * np.maximum(np.diag(hac_covariance(fit)), 0.0))
     worse = max(fit.left_shares) > max(LEFT_SHARE, *iv.fit.left_shares)
-    # what leaves clearly more without a mass that is estimated is no alternative to it
+    # what leaves clearly more without the effects that are estimated is no alternative to them
     left, least = (float(np.exp(one.misfit / one.count)) for one in (fit, iv.fit))
-    masses = [effect for effect in iv.effects if effect.moved is not None]
-    worse |= bool(masses) and CLEARLY_LESS * left > least
+    worse |= len(late) < len(iv.effects) and CLEARLY_LESS * left > least
     worse |= bool(null_columns(fit, task.model, task.records, task.choice))
     if worse or fit.columns != iv.fit.columns or np.any(np.abs(bias) > BIAS_SHARE * spread):
         return None

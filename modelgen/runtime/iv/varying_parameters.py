@@ -1,0 +1,181 @@
+"""Parameters that are no constants: they change in the course of records, along positions, or with loads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.iv.chain_errors import deflection, on_body
+from modelgen.runtime.iv.companion_simulation import Simulated
+from modelgen.runtime.iv.effect import Changes, Effect
+from modelgen.runtime.iv.pushed_chain import Pushed, deflection_of
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+
+Form = Callable[[FloatArray], FloatArray]
+# What is said of what changes in the course of the records, and along positions.
+MEAN = "as where a machine warms up: its value is that of the middle, and the interval holds what it was"
+MIDDLE = "its value is that of the middle of the positions, and the interval holds what it is elsewhere"
+# The rms of what changes evenly from end to end by one.
+EVENLY = 12.0**-0.5
+
+
+def varying_effects(model: Model, records: Sequence[Record]) -> Iterator[Effect]:
+    """Yield that friction changes in the course of records, along a position or with a load, and springs.
+
+    None with cubic springs: such a chain is not linear.
+    """
+    if model.cubic_springs:
+        return
+    springs = {name: role for name, role in model.roles.items() if role.role == "stiffness"}
+    position = _position(model, records)
+    for name, body, form, names in _frictions(model):
+        yield from (_drift(name, body, form, course, names) for course in courses(records))
+        if position:
+            yield _along(name, body, form, *position, names)
+    for name, role in springs.items():
+        for body in dict.fromkeys(friction.body for friction in model.friction):
+            if body in role.bodies:
+                yield _with_load(name, body)
+        if position:
+            yield _stiffer(name, " and ".join(role.bodies), *position)
+
+
+def falling_gain(key: str, course: Sequence[tuple[float, float]], names: Sequence[str]) -> Effect:
+    """Return that the gain of a force falls along a course of the records: warm magnets are weaker.
+
+    The size is the share of the gain from the beginning to the end. All parameters are in proportion to it.
+    """
+
+    def changes(simulated: Simulated) -> Changes:
+        signal = simulated.record.signals[key]
+        return {key: along(course, simulated.index, len(signal)) * signal}
+
+    said = (
+        "in the course of the records: parameters are those of the middle, and intervals hold what they were"
+    )
+    falls, rises = (f"the gain of {key} {way} {said}" for way in ("falls", "rises"))
+    remedy = "let the drive warm up first, or identify from each record alone"
+    varies = tuple((name, spread(course)) for name in names)
+    return Effect(f"drift of the gain of {key}", "drift", falls, rises, remedy, changes, key,
+                  varies=varies, relative=True)  # fmt: skip
+
+
+def courses(records: Sequence[Record]) -> list[list[tuple[float, float]]]:
+    """Return ways in which something changes in the course of records: from where to where each goes, of 1.
+
+    From the first sample to the last, in every record anew, or from one record to the next.
+    """
+    lasting, last = [record.n * record.dt for record in records], len(records) - 1
+    ends = np.cumsum(lasting) / sum(lasting)
+    found = [list(zip([0.0, *ends.tolist()], ends.tolist(), strict=False))]
+    if last > 0:
+        found += [[(0.0, 1.0)] * (last + 1), [(index / last, index / last) for index in range(last + 1)]]
+    return found
+
+
+def along(course: Sequence[tuple[float, float]], index: int, samples: int) -> FloatArray:
+    """Return where a record is in a course, from the middle of it on, shape (samples,)."""
+    return np.linspace(*course[index], samples) - 0.5
+
+
+def spread(course: Sequence[tuple[float, float]]) -> float:
+    """Return the rms of where records are in a course, from the middle of it on."""
+    return float(np.sqrt(np.mean([np.mean(along(course, index, 9) ** 2) for index in range(len(course))])))
+
+
+def _frictions(model: Model) -> Iterator[tuple[str, str, Form, list[str]]]:
+    """Yield the name of each friction that the spec names, its body, its form and its parameters."""
+    for friction in model.friction:
+        names = [one for one in (friction.coulomb_plus, friction.coulomb_minus) if one]
+        if names:
+            yield f"Coulomb friction on {friction.body}", friction.body, np.sign, names
+    for name, role in model.roles.items():
+        if role.role == "viscous" and len(role.bodies) == 1:
+            (body,) = role.bodies
+            yield f"viscous friction on {body}", body, np.asarray, [name]
+
+
+def _drift(
+    name: str, body: str, form: Form, course: Sequence[tuple[float, float]], names: Sequence[str]
+) -> Effect:
+    """Return that a friction falls along a course of the records.
+
+    The size is the change from the beginning to the end, in N m or N, and per speed.
+    """
+
+    def force(simulated: Simulated) -> FloatArray:
+        speed = simulated.led[body].speed
+        return np.asarray(along(course, simulated.index, len(speed)) * form(speed))
+
+    falls, rises = (f"{name} {way} in the course of the records, {MEAN}" for way in ("falls", "rises"))
+    remedy = "let the machine warm up first, or identify from each record alone"
+    varies = tuple((one, spread(course)) for one in names)
+    return Effect(f"drift of {name}", "drift", falls, rises, remedy, on_body(body, force), varies=varies)
+
+
+def _position(model: Model, records: Sequence[Record]) -> tuple[str, float, float] | None:
+    """Return the first sensor that reads where a body is, and the ends of where it is in the records."""
+    for sensor in model.sensors:
+        if sensor.measures == "position" and sensor.body:
+            extents = [one.facts.extent(sensor.key) for one in records if sensor.key in one.signals]
+            if extents:
+                return sensor.key, min(one.least for one in extents), max(one.greatest for one in extents)
+    return None
+
+
+def _placed(simulated: Simulated, key: str, least: float, greatest: float) -> FloatArray:
+    """Return where a sensor is between its ends, from the middle on: -0.5 to 0.5, shape (n,)."""
+    return np.asarray((simulated.record.signals[key] - 0.5 * (least + greatest)) / (greatest - least or 1.0))
+
+
+def _along(
+    name: str, body: str, form: Form, key: str, least: float, greatest: float, names: Sequence[str]
+) -> Effect:
+    """Return that a friction rises along a position, as in a guide that is worn, or that is out of line."""
+
+    def force(simulated: Simulated) -> FloatArray:
+        return -_placed(simulated, key, least, greatest) * form(simulated.led[body].speed)
+
+    rises, falls = (f"{name} {way} with {key}: {MIDDLE}" for way in ("rises", "falls"))
+    remedy = "identify from shorter travels, each about the position that matters"
+    varies = tuple((one, EVENLY) for one in names)
+    return Effect(
+        f"course of {name} along {key}", "drift", rises, falls, remedy, on_body(body, force), varies=varies
+    )
+
+
+def _stiffer(stiffness: str, pair: str, key: str, least: float, greatest: float) -> Effect:
+    """Return that a link grows stiffer along a position: a belt or a screw is as stiff as its free length."""
+
+    def changes(simulated: Simulated) -> Changes:
+        lever = deflection_of(simulated.plant, stiffness)
+        bent = deflection(simulated, lever, np.zeros_like)
+        return Pushed(simulated, lever, -_placed(simulated, key, least, greatest) * bent)
+
+    rises, falls = (f"{stiffness} between {pair} {way} with {key}: {MIDDLE}" for way in ("rises", "falls"))
+    remedy = "identify from shorter travels, each about the position that matters"
+    return Effect(f"course of {stiffness} along {key}", "drift", rises, falls, remedy, changes,
+                  varies=((stiffness, EVENLY),))  # fmt: skip
+
+
+def _with_load(stiffness: str, body: str) -> Effect:
+    """Return that a body's friction grows with the force in its link, as in teeth and worms.
+
+    The size is the share of that force (Bittencourt and Gunnarsson 2012).
+    """
+
+    def force(simulated: Simulated) -> FloatArray:
+        plant = simulated.plant
+        lever = deflection_of(plant, stiffness)
+        share = plant.parameters[stiffness] * lever[plant.bodies.index(body)]
+        load = np.abs(share * deflection(simulated, lever, np.zeros_like))
+        return np.asarray(-np.sign(simulated.led[body].speed) * load)
+
+    words = f"friction on {body} grows with the force in {stiffness}"
+    remedy = "compare loads: the friction that the spec names is that without load"
+    return Effect(
+        f"friction on {body} with the force in {stiffness}", "form", words, "", remedy, on_body(body, force)
+    )

@@ -1,0 +1,120 @@
+"""Parameters that change: with time, along a position, with a load; what is said, and what intervals hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.iv.varying_parameters import courses, spread, varying_effects
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.results.estimate import Estimate
+from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime.iv.shapes.chains import KNOWN, SHORT
+
+FS, NOISE = 2000.0, {"T": 2e-3, "q_m": 3e-6, "q_c": 3e-6}
+
+
+def noisy(signals: dict[str, FloatArray], seed: int, name: str) -> Record:
+    rng = np.random.default_rng([seed, len(name)])
+    read = {key: signals[key] + NOISE[key] * rng.standard_normal(len(signals[key])) for key in NOISE}
+    return Record(read, FS, name, name)
+
+
+def with_more_friction(more: Callable[[dict[str, FloatArray]], FloatArray], seed: int) -> list[Record]:
+    """Return a chirp and a trapezoid whose motor has more friction than the spec says.
+
+    A motor with more friction moves as one without it whose torque is less by it.
+    """
+    found = []
+    for kind in ("chirp", "trapezoid"):
+        clean = simulate(SHORT, KNOWN, kind, fs=FS, duration_s=3.0, oversample=40).record.signals
+        signals = {key: clean[key].copy() for key in NOISE}
+        direction = np.sign(np.gradient(clean["q_m"], 1.0 / FS))
+        signals["T"] += direction * more(signals)
+        found.append(noisy(signals, seed, kind))
+    return found
+
+
+def with_a_belt(share: float) -> Record:
+    """Return a motion there and back over a belt whose stiffness rises by a share from end to end."""
+    p, t = KNOWN, np.arange(8000) / FS
+    lines = 2.0 * np.pi * np.arange(4.0, 160.0, 3.0)
+    phases = np.random.default_rng(5).uniform(0.0, 6.3, len(lines))
+    turn, rest = 2.0, 0.01  # s; about the turn the speed changes within `rest`
+
+    def torque(at: FloatArray | float) -> FloatArray:
+        way = np.tanh((turn - np.asarray(at)) / rest)
+        drive = (p["F_vm"] * 12.0 + p["F_sm"]) * way - 12.0 * (p["J_m"] + p["J_c"]) / rest * (1.0 - way**2)
+        return np.asarray(drive + 0.35 * np.sum(np.sin(np.multiply.outer(at, lines) + phases), axis=-1))
+
+    def slope(at: float, x: FloatArray) -> list[float]:
+        q_m, q_c, v_m, v_c = x
+        bend = q_m - q_c
+        link = p["K"] * (1.0 + share * (q_m / 24.0 - 0.5)) * bend + p["D"] * (v_m - v_c)
+        friction = p["F_vm"] * v_m + p["F_sm"] * np.tanh(v_m / 1e-2)
+        return [v_m, v_c, (float(torque(at)) - friction - link) / p["J_m"], link / p["J_c"]]
+
+    x = solve_ivp(
+        slope, (0.0, t[-1]), [0.0, 0.0, 12.0, 12.0], t_eval=t, rtol=1e-8, atol=1e-10, max_step=1e-3
+    ).y
+    return noisy({"q_m": x[0], "q_c": x[1], "T": torque(t)}, 0, "belt")
+
+
+def said(estimate: Estimate) -> str:
+    return " ".join(one.what for one in estimate.checks.advice)
+
+
+def holds(estimate: Estimate) -> bool:
+    return all(abs(estimate.params[name] - KNOWN[name]) < 3.0 * estimate.bse[name] for name in KNOWN)
+
+
+def test_a_chain_whose_positions_are_not_read_changes_along_none() -> None:
+    rests = Record({key: np.zeros(10) for key in NOISE}, FS, "rest")
+    names = [one.name for one in varying_effects(SHORT, [rests])]
+    assert "course of K along q_m" in names
+    assert "friction on m with the force in K" in names
+    without = Record({"T": np.zeros(10)}, FS, "rest")
+    assert not any("along" in one.name for one in varying_effects(SHORT, [without]))
+
+
+def test_courses_go_on_or_begin_anew_or_step_from_record_to_record() -> None:
+    short, long = (Record({"q_m": np.zeros(n)}, FS, str(n), str(n)) for n in (100, 300))
+    assert courses([short]) == [[(0.0, 1.0)]]
+    assert courses([short, long]) == [[(0.0, 0.25), (0.25, 1.0)], [(0.0, 1.0)] * 2, [(0.0, 0.0), (1.0, 1.0)]]
+    for course, rms in zip(courses([short, short]), (12.0**-0.5, 12.0**-0.5, 0.5), strict=True):
+        assert spread(course) == pytest.approx(rms, rel=0.15)
+
+
+@pytest.mark.slow
+def test_friction_that_grows_with_the_load_is_named() -> None:
+    records = with_more_friction(lambda s: 0.05 * np.abs(KNOWN["K"] * (s["q_m"] - s["q_c"])), 3)
+    estimate = identify(SHORT, records)
+    assert "friction on m grows with the force in K" in said(estimate)
+    assert holds(estimate)
+    assert estimate.bse["J_m"] < 2e-3 * KNOWN["J_m"]
+
+
+@pytest.mark.slow
+def test_friction_that_rises_along_the_travel_is_named() -> None:
+    def more(signals: dict[str, FloatArray]) -> FloatArray:
+        q = signals["q_m"]
+        return np.asarray(0.2 * ((q - np.min(q)) / np.ptp(q) - 0.5))
+
+    estimate = identify(SHORT, with_more_friction(more, 4))
+    assert "Coulomb friction on m rises with q_m" in said(estimate)
+    assert holds(estimate)
+
+
+@pytest.mark.slow
+def test_a_belt_whose_stiffness_rises_along_the_travel_is_named() -> None:
+    estimate = identify(SHORT, with_a_belt(0.2))
+    assert "K between m and c rises with q_m" in said(estimate)
+    assert holds(estimate)
+    assert estimate.bse["J_c"] < 5e-3 * KNOWN["J_c"]
+    # from end to end it changes by 0.2
+    assert 0.04 < estimate.bse["K"] / KNOWN["K"] < 0.08
