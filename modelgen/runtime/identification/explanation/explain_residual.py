@@ -15,9 +15,15 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.identification.explanation.explained import Explained
 from modelgen.runtime.identification.explanation.folded_forces import forces_bend
-from modelgen.runtime.identification.explanation.look_at_residual import Seen, leaves_noise, look, varied
+from modelgen.runtime.identification.explanation.look_at_residual import (
+    Seen,
+    leaves_noise,
+    likely_of,
+    look,
+    varied,
+)
 from modelgen.runtime.identification.explanation.other_weights import other_weights
-from modelgen.runtime.identification.explanation.search import Search, left_of, likely_of
+from modelgen.runtime.identification.explanation.search import Search, left_of
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import KNOWN_INSTANT
 from modelgen.runtime.iv.effect import DIRECTION, FORCES, Effect

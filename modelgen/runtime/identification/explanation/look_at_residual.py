@@ -151,6 +151,11 @@ def _one_a_name(found: Sequence[Score]) -> tuple[Score, ...]:
     return tuple(one for place, one in enumerate(found) if one.effect.name not in names[:place])
 
 
+def likely_of(found: Sequence[Score]) -> list[Score]:
+    """Return the effects that are likely, and are told from the columns: the intervals hold one unsaid."""
+    return [one for one in found if one.likely and one.own > LITTLE_OWN and one.effect.possible(one.size)]
+
+
 def believable(effect: Effect, size: float, late: Mapping[str, float], records: Sequence[Record]) -> bool:
     """Tell whether an effect has a size that its channel can have; `late` says by how many s forces are."""
     fs = min(record.fs for record in records)

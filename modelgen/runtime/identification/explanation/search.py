@@ -15,6 +15,7 @@ from modelgen.runtime.identification.explanation.look_at_residual import (
     Seen,
     believable,
     leaves_noise,
+    likely_of,
     look,
     moves_of_forms,
     varied,
@@ -37,7 +38,7 @@ from modelgen.runtime.iv.effect import AT_REVERSALS, LATE, LOW_PASSES, RIPPLE, E
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.iv.shapes.shaped_effects import fit_in_shape
-from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS, LEVEL, LITTLE_OWN
+from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS, LEVEL
 from modelgen.runtime.iv.told_effects import below_noise, left
 from modelgen.runtime.numerics.tails import normal_beyond
 
@@ -109,11 +110,17 @@ class Search:
             return replace(self._holding(likely[0]), held=likely[0]) if likely else replace(self, ended=True)
         if not tried and _of_the_same(shown[0], self.effects):
             return self._holding(shown[0])
-        tried += [one for one in self._tried(shown) if _names(one[1]) not in self.before] if room else []
+        tried += [one for one in self._tried(shown) if self._leads_on(*one[1:])] if room else []
         if not tried:
             quiet = self._small(shown[0].effect, shown[0].size, seen)
             return self._holding(shown[0], *(() if quiet else (left_of(shown[0], shown),)))
         return self._with(tried)
+
+    def _leads_on(self, effects: Sequence[Effect], freed: Freed) -> bool:
+        """Tell whether effects are new together, and leave no more a sample than those estimated now."""
+        now, fit, fewer = self.now.fit, freed.fit, max(len(self.effects) + 1 - len(effects), 0)
+        more = fit.misfit * now.count / fit.count - now.misfit
+        return _names(effects) not in self.before and more < AS_LIKELY * (1 + fewer)
 
     def told(self, seen: Seen) -> list[bool]:
         """Tell of each effect that is estimated whether it is certain, and large enough to be named."""
@@ -165,8 +172,7 @@ class Search:
 
         What stood in for it (a clock for a delay, friction of one body for that of another) goes.
         """
-        effects, sizes = (*self.effects, effect), (*self.now.sizes, size)
-        certain = normal_beyond(0.5 * LEVEL)
+        effects, sizes, certain = (*self.effects, effect), (*self.now.sizes, size), normal_beyond(0.5 * LEVEL)
         while True:
             solved = self._solved(effects, sizes)
             if solved is None:
@@ -251,9 +257,8 @@ class Search:
         change = share * (freed.fit.solution.x - self.now.fit.solution.x)
         # what an effect moved that is estimated no more says nothing of the others
         changes = {one: self.changes[one] for one in self.changes if one in names} | {effect.name: change}
-        rest = [(one, found) for one, _, found in tried]
-        forms = {one: self.forms[one] for one in self.forms if one in names}
-        forms |= {effect.name: moves_of_forms(self.now.fit, effect, freed, rest)}
+        moves = moves_of_forms(self.now.fit, effect, freed, [(one, found) for one, _, found in tried])
+        forms = {one: self.forms[one] for one in self.forms if one in names} | {effect.name: moves}
         drift = np.sum([np.outer(one, one) for one in changes.values()], axis=0)
         if any(one.size for one in forms.values()) and not leaves_noise(self.job, freed.fit):
             drift = drift + np.sum([one.T @ one for one in forms.values()], axis=0)
@@ -272,11 +277,6 @@ class Search:
 
 def _names(effects: Sequence[Effect]) -> frozenset[str]:
     return frozenset(effect.name for effect in effects)
-
-
-def likely_of(found: Sequence[Score]) -> list[Score]:
-    """Return the effects that are likely, and are told from the columns: the intervals hold one unsaid."""
-    return [one for one in found if one.likely and one.own > LITTLE_OWN and one.effect.possible(one.size)]
 
 
 def left_of(best: Score, shown: Sequence[Score]) -> Advice:
