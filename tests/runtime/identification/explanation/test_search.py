@@ -72,6 +72,11 @@ def solved(monkeypatch: pytest.MonkeyPatch, certain: dict[str, float], late_s: f
     monkeypatch.setattr(module, "fit_in_shape", fit)
 
 
+def leaving(misfit: float, samples: int = 1000) -> SimpleNamespace:
+    """Return a fit that leaves so much on so many samples."""
+    return SimpleNamespace(misfit=misfit, count=samples, delays=(), solution=SimpleNamespace(x=np.zeros(6)))
+
+
 def searching(*effects: Effect, given: int = 0) -> Search:
     now = Freed(cast(Any, None), cast(Any, None), job().setting(), tuple(1e-6 for _ in effects))
     return Search(job(), None, now, effects, given, {}, np.zeros((6, 6)))
@@ -156,7 +161,7 @@ def test_of_equals_a_delay_is_taken_before_a_clock() -> None:
 
 
 def test_effects_that_take_each_other_s_place_do_not_do_so_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    left = SimpleNamespace(misfit=0.0, delays=(), solution=SimpleNamespace(x=np.zeros(6)))
+    left = leaving(0.0)
 
     def fit(setting: Any, rows: Any, start: Any, effects: tuple[Effect, ...], *rest: Any) -> Solved:
         sizes = (*(1e-7 for _ in effects[1:]), 1e-4)  # only the last one is certain
@@ -173,6 +178,28 @@ def test_effects_that_take_each_other_s_place_do_not_do_so_for_ever(monkeypatch:
         search, steps = search.step(Seen((shown,))), steps + 1
         assert steps < 6
     assert [one.kind for one in search.advice] == ["more than the model"]
+
+
+@pytest.mark.parametrize(
+    ("misfit", "samples", "taken"), [(-900.0, 1000, False), (-900.0, 880, True), (-1003.0, 1000, True)]
+)
+def test_what_leaves_more_than_what_is_estimated_is_not_taken_for_it(
+    monkeypatch: pytest.MonkeyPatch, misfit: float, samples: int, taken: bool
+) -> None:
+    def fit(setting: Any, rows: Any, start: Any, effects: tuple[Effect, ...], *rest: Any) -> Solved:
+        sizes = (*(1e-7 for _ in effects[1:]), 1e-4)  # the first one goes
+        left = cast(Any, leaving(misfit, samples))
+        return effects, Freed(cast(Any, None), left, setting, sizes, tuple(1e-6 for _ in effects))
+
+    monkeypatch.setattr(module, "fit_in_shape", fit)
+    search = searching(FRICTION)
+    search = replace(search, now=replace(search.now, fit=cast(Any, leaving(-1000.0))))
+    moved = np.ones(6)
+    found = search.step(Seen((Score(OTHER, 1e-4, 1e-6, 0.5, moved, 1.0, 1.0, 1e-6, True),)))
+    assert found.effects == ((OTHER,) if taken else (FRICTION,))
+    # what is not taken is in the intervals
+    assert found.ended is not taken
+    assert found.drift[0, 0] == (0.0 if taken else 1.0)
 
 
 def test_a_gain_of_a_part_in_a_million_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
