@@ -33,7 +33,7 @@ def varying_effects(model: Model, records: Sequence[Record]) -> Iterator[Effect]
     position = _position(model, records)
     for name, body, form, names in _frictions(model):
         yield from (_drift(name, body, form, course, names) for course in courses(records))
-        if position:
+        if position and form is np.sign:
             yield _along(name, body, form, *position, names)
     for name, role in springs.items():
         for body in dict.fromkeys(friction.body for friction in model.friction):
