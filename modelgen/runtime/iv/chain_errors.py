@@ -157,12 +157,13 @@ def _spring(
 def deflection(
     simulated: Simulated, lever: FloatArray, less: Callable[[FloatArray], FloatArray] | None = None
 ) -> FloatArray:
-    """Return the deflection of a link, shape (n,): that of the record where sensors see it clearly.
+    """Return the deflection of a link, SI, shape (n,): that of the record where sensors see it clearly.
 
-    Their noise is in the residual as well, where it would look like what bends the spring: it has to be
-    little beside the deflection, or beside what a simulation is off by. Zeros of encoders are in the mean,
-    which is left out. Speeds and accelerations are integrated from the lowest frequency on at which their
-    noise lets them; below, a link gives by as much `less` as it bends by its form alone.
+    `lever` is the deflection per motion of each body, shape (bodies,). Noise of the sensors is in the residual
+    as well, where it would look like what bends the spring: it has to be little beside the deflection, or
+    beside what a simulation is off by. Zeros of encoders are in the mean, which is left out. Speeds and
+    accelerations are integrated from the lowest frequency on at which their noise lets them; below, a link
+    gives by as much `less` as it bends by its form alone.
     """
     ends = [
         (share, body)
