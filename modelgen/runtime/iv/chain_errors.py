@@ -145,25 +145,29 @@ def _spring(
         lever = deflection_of(simulated.plant, stiffness)
         give = size / simulated.plant.parameters[stiffness]
         if size:
-            return Pushed(simulated, lever, -form(deflection(simulated, lever, lambda d: give * form(d))))
-        key = "deflection", stiffness  # the same for every form
-        if key not in simulated.places:
-            simulated.places[key] = deflection(simulated, lever)
-        return Pushed(simulated, lever, -form(simulated.places[key]))
+            return Pushed(simulated, lever, -form(_deflection(simulated, lever, lambda d: give * form(d))))
+        return Pushed(simulated, lever, -form(deflection(simulated, stiffness)))
 
     return changes
 
 
-def deflection(
+def deflection(simulated: Simulated, stiffness: str) -> FloatArray:
+    """Return the deflection of the link of a stiffness that is linear, in rad or m, shape (n,)."""
+    key = "deflection", stiffness
+    if key not in simulated.places:
+        simulated.places[key] = _deflection(simulated, deflection_of(simulated.plant, stiffness))
+    return simulated.places[key]
+
+
+def _deflection(
     simulated: Simulated, lever: FloatArray, less: Callable[[FloatArray], FloatArray] | None = None
 ) -> FloatArray:
-    """Return the deflection of a link, SI, shape (n,): that of the record where sensors see it clearly.
+    """Return the deflection of a link, shape (n,): that of the record where sensors see it clearly.
 
-    `lever` is the deflection per motion of each body, shape (bodies,). Noise of the sensors is in the residual
-    as well, where it would look like what bends the spring: it has to be little beside the deflection, or
-    beside what a simulation is off by. Zeros of encoders are in the mean, which is left out. Speeds and
-    accelerations are integrated from the lowest frequency on at which their noise lets them; below, a link
-    gives by as much `less` as it bends by its form alone.
+    Their noise is in the residual as well, where it would look like what bends the spring: it has to be
+    little beside the deflection, or beside what a simulation is off by. Zeros of encoders are in the mean,
+    which is left out. Speeds and accelerations are integrated from the lowest frequency on at which their
+    noise lets them; below, a link gives by as much `less` as it bends by its form alone.
     """
     ends = [
         (share, body)

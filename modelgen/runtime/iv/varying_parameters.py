@@ -151,8 +151,7 @@ def _stiffer(stiffness: str, pair: str, key: str, least: float, greatest: float)
     """Return that a link grows stiffer along a position: a belt or a screw is as stiff as its free length."""
 
     def changes(simulated: Simulated) -> Changes:
-        lever = deflection_of(simulated.plant, stiffness)
-        bent = deflection(simulated, lever, np.zeros_like)
+        lever, bent = deflection_of(simulated.plant, stiffness), deflection(simulated, stiffness)
         return Pushed(simulated, lever, -_placed(simulated, key, least, greatest) * bent)
 
     rises, falls = (f"{stiffness} between {pair} {way} with {key}: {MIDDLE}" for way in ("rises", "falls"))
@@ -169,9 +168,8 @@ def _with_load(stiffness: str, body: str) -> Effect:
 
     def force(simulated: Simulated) -> FloatArray:
         plant = simulated.plant
-        lever = deflection_of(plant, stiffness)
-        share = plant.parameters[stiffness] * lever[plant.bodies.index(body)]
-        load = np.abs(share * deflection(simulated, lever, np.zeros_like))
+        share = plant.parameters[stiffness] * deflection_of(plant, stiffness)[plant.bodies.index(body)]
+        load = np.abs(share * deflection(simulated, stiffness))
         return np.asarray(-np.sign(simulated.led[body].speed) * load)
 
     words = f"friction on {body} grows with the force in {stiffness}"
