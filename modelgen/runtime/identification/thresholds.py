@@ -145,6 +145,9 @@ FINER = (0.5, 0.25)
 LOOKED_AT = 20_000
 # They are estimated where they leave less than this share of what rows leave without.
 CLEARLY_LESS = 0.9
+# Effects leave less than this share (rms) of what least squares leaves without them where they are the cause.
+# On real machines, where they stand in for several causes, they leave 0.6 to 0.85.
+FAR_LESS = 0.5
 # Residuals of instruments up to this multiple of the sensors' noise raise no alarm by their colour alone.
 CALM = 1.5
 

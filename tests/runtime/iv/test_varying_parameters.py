@@ -19,9 +19,12 @@ from tests.runtime.iv.shapes.chains import KNOWN, SHORT
 FS, NOISE = 2000.0, {"T": 2e-3, "q_m": 3e-6, "q_c": 3e-6}
 
 
-def noisy(signals: dict[str, FloatArray], seed: int, name: str) -> Record:
+def noisy(signals: dict[str, FloatArray], seed: int, name: str, times: float = 1.0) -> Record:
     rng = np.random.default_rng([seed, len(name)])
-    read = {key: signals[key] + NOISE[key] * rng.standard_normal(len(signals[key])) for key in NOISE}
+    read = {
+        key: signals[key] + times * level * rng.standard_normal(len(signals[key]))
+        for key, level in NOISE.items()
+    }
     return Record(read, FS, name, name)
 
 
@@ -40,8 +43,11 @@ def with_more_friction(more: Callable[[dict[str, FloatArray]], FloatArray], seed
     return found
 
 
-def with_a_belt(share: float) -> Record:
-    """Return a motion there and back over a belt whose stiffness rises by a share from end to end."""
+def with_a_belt(share: float, times: float) -> Record:
+    """Return a motion there and back over a belt whose stiffness rises by a share from end to end.
+
+    `times` the noise of the others.
+    """
     p, t = KNOWN, np.arange(8000) / FS
     lines = 2.0 * np.pi * np.arange(4.0, 160.0, 3.0)
     phases = np.random.default_rng(5).uniform(0.0, 6.3, len(lines))
@@ -62,7 +68,7 @@ def with_a_belt(share: float) -> Record:
     x = solve_ivp(
         slope, (0.0, t[-1]), [0.0, 0.0, 12.0, 12.0], t_eval=t, rtol=1e-8, atol=1e-10, max_step=1e-3
     ).y
-    return noisy({"q_m": x[0], "q_c": x[1], "T": torque(t)}, 0, "belt")
+    return noisy({"q_m": x[0], "q_c": x[1], "T": torque(t)}, 0, "belt", times)
 
 
 def said(estimate: Estimate) -> str:
@@ -111,10 +117,12 @@ def test_friction_that_rises_along_the_travel_is_named() -> None:
 
 
 @pytest.mark.slow
-def test_a_belt_whose_stiffness_rises_along_the_travel_is_named() -> None:
-    estimate = identify(SHORT, with_a_belt(0.2))
+@pytest.mark.parametrize(("share", "times"), [(0.2, 1.0), (0.45, 0.03)])
+def test_a_belt_whose_stiffness_rises_along_the_travel_is_named(share: float, times: float) -> None:
+    # with less noise rows leave more than that, and what is estimated with instruments is still the cause
+    estimate = identify(SHORT, with_a_belt(share, times))
     assert "K between m and c rises with q_m" in said(estimate)
     assert holds(estimate)
     assert estimate.bse["J_c"] < 5e-3 * KNOWN["J_c"]
-    # from end to end it changes by 0.2
-    assert 0.04 < estimate.bse["K"] / KNOWN["K"] < 0.08
+    # evenly from end to end
+    assert 0.2 * share < estimate.bse["K"] / KNOWN["K"] < 0.4 * share

@@ -28,7 +28,13 @@ from modelgen.runtime.identification.methods import Auto, Method
 from modelgen.runtime.identification.refusals import all_refused, refusals, refused_problems
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import BIAS_SHARE, CLEARLY_LESS, LEFT_SHARE, STANDS_IN
+from modelgen.runtime.identification.thresholds import (
+    BIAS_SHARE,
+    CLEARLY_LESS,
+    FAR_LESS,
+    LEFT_SHARE,
+    STANDS_IN,
+)
 from modelgen.runtime.iv.effect import LATE
 from modelgen.runtime.iv.freed_effects import corrected
 from modelgen.runtime.iv.told_effects import held_instead
@@ -59,9 +65,12 @@ def least_squares_instead(
     bias = noise_bias(task.model, task.records, task.choice, fit)
     spread = np.sqrt(job.share * np.maximum(np.diag(hac_covariance(fit)), 0.0))
     worse = max(fit.left_shares) > max(LEFT_SHARE, *iv.fit.left_shares)
-    # what leaves clearly more without the effects that are estimated is no alternative to them
+    # what leaves clearly more without a mass that is estimated is no alternative to it, nor what leaves far
+    # more without other effects: they are the cause then, and do not stand in for several
     left, least = (float(np.exp(one.misfit / one.count)) for one in (fit, iv.fit))
-    worse |= len(late) < len(iv.effects) and CLEARLY_LESS * left > least
+    masses = [effect for effect in iv.effects if effect.moved is not None]
+    worse |= bool(masses) and CLEARLY_LESS * left > least
+    worse |= len(late) < len(iv.effects) and FAR_LESS * left > least
     worse |= bool(null_columns(fit, task.model, task.records, task.choice))
     if worse or fit.columns != iv.fit.columns or np.any(np.abs(bias) > BIAS_SHARE * spread):
         return None
