@@ -203,10 +203,10 @@ def _of_arm(task: Task, method: Auto) -> Begun:
         plain = with_predicted_cutoff(plain, consistent=False)
     begun, why = run_method(plain, method.least_squares), "instruments take more than memory_limit_mb"
     if not follows(task.model):
-        return with_note(
-            begun, "method wls: instruments take arms with rigid joints; delays are those that rows show"
-        )
-    elif exceeding(begun, LEFT_BY_ARMS, FAR_OVER_NOISE):
+        from modelgen.runtime.identification.elastic.aligned_channels import with_notes_of_springs
+
+        return with_notes_of_springs(begun)
+    if exceeding(begun, LEFT_BY_ARMS, FAR_OVER_NOISE):
         why = "the residual is far more than noise of the sensors"
     elif (found := least_squares_of_long_arm(task, method, begun)) is not None:
         return found

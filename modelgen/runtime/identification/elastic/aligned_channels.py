@@ -8,6 +8,8 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.identification.elastic.channel_errors import SetRight
 from modelgen.runtime.identification.elastic.channels_set_right import with_channels_set_right
+from modelgen.runtime.identification.elastic.row_forces import summed_friction
+from modelgen.runtime.identification.explanation.explained import Begun, with_note
 from modelgen.runtime.identification.given_positions import Drifting, about_the_estimate, near_by
 from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.identification.task import Task
@@ -44,3 +46,11 @@ def with_aligned_channels(task: Task, rest: Drifting | None) -> tuple[Task, Drif
         return task, rest
     task = replace(task, doubts=lambda: (*changed.doubts(), *found.advice))
     return task, RestWithChannels(rest, found)
+
+
+def with_notes_of_springs(begun: Begun) -> Begun:
+    """Return least squares of an elastic arm, and what is said of it."""
+    for note in summed_friction(begun.task.model):
+        begun = with_note(begun, note)
+    why = "instruments take arms with rigid joints; delays are those that rows show"
+    return with_note(begun, f"method wls: {why}")

@@ -51,6 +51,23 @@ def row_forces(model: Model) -> Iterator[RowForce]:
             yield from _springs(joint, rows, partial(_deflection, motor, link))
 
 
+def summed_friction(model: Model) -> tuple[str, ...]:
+    """Return the note that labels friction on both sides of springs as a sum, where rows see no more.
+
+    A row that balances motor and link together gives friction of either to the motor.
+    """
+    names = {row.name for row in model.rows}
+    springs = [role.bodies[0] for role in model.roles.values() if role.role == "stiffness"]
+    joints = [joint for joint in dict.fromkeys(springs) if joint in names]
+    if not joints:
+        return ()
+    of = f"joint {joints[0]}" if len(joints) == 1 else f"joints {', '.join(joints)}"
+    return (
+        f"friction behind the springs of {of}, which the file does not name, can hardly be told from that in "
+        "front of them with these sensors: if there is any, the value is the sum",
+    )
+
+
 def force_rows(
     effect: RowForce, model: Model, record: Record, choice: FilterChoice, factor: int, drop: int
 ) -> FloatArray:

@@ -7,7 +7,7 @@ import pytest
 
 from modelgen import Record, identify
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
-from modelgen.runtime.identification.elastic.row_forces import force_rows, row_forces
+from modelgen.runtime.identification.elastic.row_forces import force_rows, row_forces, summed_friction
 from modelgen.runtime.rows.derived_channels import with_derived
 from tests.runtime.identification.elastic.test_channels_set_right import FS, errors, exact, made, noisy, told
 
@@ -16,8 +16,16 @@ def test_forces_are_those_of_rows_that_hold_links_and_springs() -> None:
     forces = {force.name: force for force in row_forces(made()[0])}
     assert forces["viscous friction at link 1"].acts == {"1 link": 1.0}
     assert forces["cube of spring 2"].acts == {"2 spring": 1.0, "2 link": -1.0}
+    assert not summed_friction(made()[0])
+
+
+def test_what_motors_alone_say_of_friction_is_labelled_as_a_sum() -> None:
     # without an encoder on the link nothing tells it from friction of the motor
-    assert not tuple(row_forces(made(("motor",))[0]))
+    model = made(("motor",))[0]
+    assert not tuple(row_forces(model))
+    (note,) = summed_friction(model)
+    assert note.startswith("friction behind the springs of joints 1, 2,")
+    assert note.endswith("if there is any, the value is the sum")
 
 
 Channels = dict[str, np.ndarray]
