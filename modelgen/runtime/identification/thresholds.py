@@ -80,6 +80,7 @@ INEXACT = {
     "drift": 0.05,
     "mass": 0.05,
     "resonance": 0.02,
+    "creep": 0.02,
     "ripple": 0.05,
     "saturation": 0.02,
     "direction": 0.05,

@@ -23,6 +23,8 @@ AT_REVERSALS = (DIRECTION, REVERSAL)
 FORCES = ("constant", "force")
 # Kind of a force that is periodic in a position.
 RIPPLE = "ripple"
+# Kind of a link that is stiffer in fast motion.
+CREEP = "creep"
 # Kinds of low-passes that a channel has gone through and the others have not; one of two poles has its delay
 # in it, which the others leave to an effect of its own.
 TWO_POLES = "two poles"
@@ -42,7 +44,7 @@ class Effect:
     kind : str
         "delay", "direction", "reversal" (friction there), "lag", "average", "two poles", "clock", "gain",
         "zero", "constant", "force", "form" (one of many, of friction or of a link), "drift", "mass",
-        "resonance" or "ripple":
+        "resonance", "creep" or "ripple":
         how its size is said, and how exactly it is known.
     words, negative : str
         What is said of it where its size is positive, and negative; empty where that cannot be.
@@ -168,6 +170,8 @@ class Effect:
             return f"{words} ({size:+.3g})"
         if self.kind == RIPPLE:
             return f"{words} (amplitude {shown:.3g})"
+        if self.kind == CREEP:
+            return f"{words} (by {shown:.3g})"
         if self.kind == "drift":
             return f"{words} (by {100.0 * shown:.2g} %)" if self.relative else f"{words} (by {shown:.3g})"
         return words

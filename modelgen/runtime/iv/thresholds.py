@@ -176,7 +176,7 @@ LEFT_OF_FORCE = 0.5
 # each frequency so many times the one before, first with this damping ratio, which is wide enough to be met;
 # steps are taken from so many of these.
 RESONANCES_FROM, RESONANCES_TO, RESONANCE_GRID, FIRST_DAMPING = 0.25, 1.2, 1.15, 0.1
-RESONANCES_TRIED = 2
+SHAPES_TRIED = 2
 # Steps of a shape, at most; done when the logarithm of the likelihood grows by less than this. The longest
 # steps of the logarithms of frequency and damping; a damping ratio stays above this one.
 SHAPE_STEPS, SAME_SHAPE, LEAST_DAMPING = 12, 1.0, 1e-3
@@ -184,6 +184,9 @@ LONGEST_STEPS = ((-0.2, -1.0), (0.2, 1.0))
 # Ripple has at least so many periods on the way of a body, fewer are friction or a spring, and at most so
 # many; steps are taken from so many of them, of phases by so many rad at most.
 FEWEST_PERIODS, MOST_PERIODS, RIPPLES_TRIED, LONGEST_PHASE = 0.5, 4096.0, 2, 1.0
+# A link that creeps is looked for from this share of the dynamics' frequency to the cut-off, each frequency
+# so many times the one before: its response is wide.
+CREEPS_FROM, CREEPS_GRID = 0.05, 2.0
 # A shape is estimated where least squares leave less than this share of the rows with it; steps are taken
 # where they leave less than that share at the first.
 CLEARLY_LEFT, SEEN_AT_ALL = 0.9, 0.98

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.identification.identify import identify
@@ -14,18 +13,7 @@ from modelgen.runtime.iv.varying_parameters import courses, spread, varying_effe
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.simulate import simulate
-from tests.runtime.iv.shapes.chains import KNOWN, SHORT
-
-FS, NOISE = 2000.0, {"T": 2e-3, "q_m": 3e-6, "q_c": 3e-6}
-
-
-def noisy(signals: dict[str, FloatArray], seed: int, name: str, times: float = 1.0) -> Record:
-    rng = np.random.default_rng([seed, len(name)])
-    read = {
-        key: signals[key] + times * level * rng.standard_normal(len(signals[key]))
-        for key, level in NOISE.items()
-    }
-    return Record(read, FS, name, name)
+from tests.runtime.iv.shapes.chains import FS, KNOWN, NOISE, SHORT, TRAVEL, noisy, there_and_back
 
 
 def with_more_friction(more: Callable[[dict[str, FloatArray]], FloatArray], seed: int) -> list[Record]:
@@ -44,31 +32,12 @@ def with_more_friction(more: Callable[[dict[str, FloatArray]], FloatArray], seed
 
 
 def with_a_belt(share: float, times: float) -> Record:
-    """Return a motion there and back over a belt whose stiffness rises by a share from end to end.
+    """Return a motion over a belt whose stiffness rises by a share from end to end; `times` the noise."""
 
-    `times` the noise of the others.
-    """
-    p, t = KNOWN, np.arange(8000) / FS
-    lines = 2.0 * np.pi * np.arange(4.0, 160.0, 3.0)
-    phases = np.random.default_rng(5).uniform(0.0, 6.3, len(lines))
-    turn, rest = 2.0, 0.01  # s; about the turn the speed changes within `rest`
+    def link(q: float, bend: float, more: float) -> tuple[float, float]:
+        return KNOWN["K"] * (1.0 + share * (q / TRAVEL - 0.5)) * bend, 0.0
 
-    def torque(at: FloatArray | float) -> FloatArray:
-        way = np.tanh((turn - np.asarray(at)) / rest)
-        drive = (p["F_vm"] * 12.0 + p["F_sm"]) * way - 12.0 * (p["J_m"] + p["J_c"]) / rest * (1.0 - way**2)
-        return np.asarray(drive + 0.35 * np.sum(np.sin(np.multiply.outer(at, lines) + phases), axis=-1))
-
-    def slope(at: float, x: FloatArray) -> list[float]:
-        q_m, q_c, v_m, v_c = x
-        bend = q_m - q_c
-        link = p["K"] * (1.0 + share * (q_m / 24.0 - 0.5)) * bend + p["D"] * (v_m - v_c)
-        friction = p["F_vm"] * v_m + p["F_sm"] * np.tanh(v_m / 1e-2)
-        return [v_m, v_c, (float(torque(at)) - friction - link) / p["J_m"], link / p["J_c"]]
-
-    x = solve_ivp(
-        slope, (0.0, t[-1]), [0.0, 0.0, 12.0, 12.0], t_eval=t, rtol=1e-8, atol=1e-10, max_step=1e-3
-    ).y
-    return noisy({"q_m": x[0], "q_c": x[1], "T": torque(t)}, 0, "belt", times)
+    return there_and_back(link, times)
 
 
 def said(estimate: Estimate) -> str:

@@ -19,6 +19,7 @@ from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.score_tests import Score, Span, moves_within, scores, stacked
+from modelgen.runtime.iv.shapes.creep import creeping_links
 from modelgen.runtime.iv.shapes.mass_search import further_masses
 from modelgen.runtime.iv.shapes.ripple_search import ripples
 from modelgen.runtime.iv.shapes.shape_search import ShapeRows
@@ -33,8 +34,8 @@ class Seen:
     """What a residual says: scores, effects that are nearly columns, and rows that grow with those tested.
 
     Sizes that no channel can have do not matter, and stand in for nothing.
-    `shapes` are further masses and ripples with which least squares leave clearly less, where it is more than
-    noise.
+    `shapes` are further masses, creep and ripples with which least squares leave clearly less, where it is
+    more than noise.
     `rounded` names those, estimated or not, that encoders are too coarse for.
     `folded` is what forces move that bend between samples, as a mean square, shape (c, c).
     """
@@ -85,7 +86,7 @@ def look(
         shapes = ripples(shaped, names, [one.effect for one in found if one.matters][:MOST_TRIED])
         # steps in physical parameters take a size along and no shape: a mass is far off without it
         if now.fit.carried is None:
-            shapes = (*further_masses(shaped, names), *shapes)
+            shapes = (*further_masses(shaped, names), *creeping_links(shaped, names), *shapes)
     doubtful = [tested.index(one.effect) for one in found if one.matters]
     if doubtful:
         seen = [tested[index] for index in doubtful]

@@ -65,7 +65,7 @@ def _part(name: str, body: str, response: Response) -> Effect:
     """Return an effect that pulls at a body with an acceleration behind a response, which takes i f in Hz."""
 
     def pulled(a: FloatArray, simulated: Simulated) -> Changes:
-        return pushed_body(simulated, body, -_through(a, simulated.record.dt, response))
+        return pushed_body(simulated, body, -through(a, simulated.record.dt, response))
 
     return Effect(
         name, "resonance", "", "", "", lambda simulated: pulled(_measured(simulated, body), simulated),
@@ -86,8 +86,11 @@ def _ringing(body: str, hz: float, damping: float, index: int, phase: float) -> 
     return Effect(name, "resonance", "", "", "", changes, record=index)
 
 
-def _through(a: FloatArray, dt: float, response: Response) -> FloatArray:
-    """Return a signal behind a response, at the frequencies of `Simulated.held`, shape (n,)."""
+def through(a: FloatArray, dt: float, response: Response) -> FloatArray:
+    """Return a signal dt s a sample behind a response to i f in Hz, in its unit, shape (n,).
+
+    At the frequencies of `Simulated.held`.
+    """
     size = quick_length(len(a))
     padded = np.concatenate([a, np.linspace(a[-1], a[0], size - len(a) + 2)[1:-1]])
     f = np.asarray(1j * np.fft.rfftfreq(size, dt), dtype=np.complex128)
@@ -100,8 +103,8 @@ def _with_mass(simulated: Simulated, body: str, pull: Response) -> Simulated:
     held, dt = simulated.held, simulated.record.dt
     push = np.array([float(name == body) for name in simulated.plant.bodies])
     moved = held.acceleration(push)
-    a = _through(simulated.motion[f"a_{body}"], dt, lambda f: 1.0 / (1.0 + pull(f) * moved))
-    changes = pushed_body(simulated, body, -_through(a, dt, pull))
+    a = through(simulated.motion[f"a_{body}"], dt, lambda f: 1.0 / (1.0 + pull(f) * moved))
+    changes = pushed_body(simulated, body, -through(a, dt, pull))
     record = simulated.record.edited({key: simulated.record.signals[key] + changes[key] for key in changes})
     return replace(simulated, record=record, motion={**simulated.motion, f"a_{body}": a})
 

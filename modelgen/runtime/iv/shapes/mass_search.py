@@ -15,7 +15,6 @@ from modelgen.runtime.iv.thresholds import (
     RESONANCE_GRID,
     RESONANCES_FROM,
     RESONANCES_TO,
-    RESONANCES_TRIED,
 )
 
 # Frequency and damping; how the mass moves when a record begins is linear.
@@ -31,19 +30,10 @@ def further_masses(rows: ShapeRows, names: Collection[str]) -> Iterator[Effect]:
     names : collection of str
         Those of effects that are estimated already.
     """
-    seen, limit = rows.limits
     for body in rows.simulated[0].plant.bodies:
         grid = [further_mass(body, hz, FIRST_DAMPING) for hz in _frequencies(rows.setting)]
-        if grid[0].name in names:
-            continue
-        at_grid = sorted(
-            ((one, rows.left(rows.columns((one,))).least) for one in grid), key=lambda pair: pair[1]
-        )
-        begun = [one for one, misfit in at_grid[:RESONANCES_TRIED] if misfit < seen]
-        tried = [rows.sharpened(one, NUMBERS) for one in begun]
-        best = min(tried, key=lambda pair: pair[1], default=None)
-        if best is not None and best[1] < limit:
-            yield best[0]
+        if grid[0].name not in names:
+            yield from rows.best_of(grid, NUMBERS)
 
 
 def _frequencies(setting: Setting) -> list[float]:

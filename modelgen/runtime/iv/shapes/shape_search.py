@@ -5,7 +5,7 @@ By least squares: a simulation without a resonance is far off about it, and so a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,6 +21,7 @@ from modelgen.runtime.iv.thresholds import (
     SAME_SHAPE,
     SEEN_AT_ALL,
     SHAPE_STEPS,
+    SHAPES_TRIED,
     WEIGHTING_ROUNDS,
 )
 from modelgen.runtime.least_squares.fit import Fit
@@ -100,6 +101,18 @@ class ShapeRows:
             for block, left in zip(self.fit.blocks, rms, strict=True)
         )
         return Left(misfit, tuple(x[len(x) - len(columns) :].tolist()))
+
+    def best_of(self, grid: Sequence[Effect], numbers: int) -> Iterator[Effect]:
+        """Yield the shape with which clearly less is left, from the best of some on, if there is one."""
+        seen, limit = self.limits
+        at_grid = sorted(
+            ((one, self.left(self.columns((one,))).least) for one in grid), key=lambda pair: pair[1]
+        )
+        begun = [one for one, misfit in at_grid[:SHAPES_TRIED] if misfit < seen]
+        tried = [self.sharpened(one, numbers) for one in begun]
+        best = min(tried, key=lambda pair: pair[1], default=None)
+        if best is not None and best[1] < limit:
+            yield best[0]
 
     def sharpened(self, effect: Effect, numbers: int) -> tuple[Effect, float]:
         """Return an effect in the shape that leaves least, by Gauss and Newton's steps, and the misfit.

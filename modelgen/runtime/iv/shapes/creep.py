@@ -1,0 +1,81 @@
+"""A link that creeps, as rubber and belts do: a damper in series with a spring, beside spring and damper.
+
+Its force is k s / (s + w) times the deflection (Maxwell's element; with the link's own spring that of Zener):
+slow motion feels the spring that the spec names, fast motion one that is k stiffer, and what lies between a
+damping that is no D. k is the size, w = 2 pi f the shape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from modelgen.array_types import ComplexArray
+from modelgen.runtime.iv.chain_errors import deflection
+from modelgen.runtime.iv.companion_simulation import Simulated
+from modelgen.runtime.iv.effect import CREEP, Changes, Effect
+from modelgen.runtime.iv.pushed_chain import Pushed, deflection_of
+from modelgen.runtime.iv.shapes.further_mass import Response, through
+from modelgen.runtime.iv.shapes.shape_search import ShapeRows
+from modelgen.runtime.iv.thresholds import CREEPS_FROM, CREEPS_GRID, LONGEST_STEPS
+
+# The frequency.
+NUMBERS = 1
+
+
+def creeping_links(rows: ShapeRows, names: Collection[str]) -> Iterator[Effect]:
+    """Yield for each link the creep with which clearly less is left, if there is one.
+
+    Parameters
+    ----------
+    rows : ShapeRows
+    names : collection of str
+        Those of effects that are estimated already.
+    """
+    choice = rows.setting.choice
+    low, high = CREEPS_FROM * (choice.dynamics_hz or choice.cutoff_hz), choice.cutoff_hz
+    count = max(2, round(float(np.log(high / low) / np.log(CREEPS_GRID))))
+    for name, role in rows.simulated[0].plant.model.roles.items():
+        if role.role == "stiffness":
+            grid = [creep(name, float(hz)) for hz in np.geomspace(low, high, count)]
+            if grid[0].name not in names:
+                yield from rows.best_of(grid, NUMBERS)
+
+
+def creep(stiffness: str, hz: float) -> Effect:
+    """Return that a link creeps, about a frequency in Hz; a size is how much stiffer it is in fast motion."""
+
+    def passed(f: ComplexArray) -> ComplexArray:
+        return f / (f + hz)
+
+    def by_frequency(f: ComplexArray) -> ComplexArray:
+        return -f * hz / (f + hz) ** 2  # per logarithm of the frequency
+
+    def shape(records: int) -> tuple[Effect, ...]:
+        return (_part(f"frequency of creep of {stiffness}", stiffness, by_frequency),)
+
+    def moved(size: float, steps: Sequence[float]) -> Effect:
+        if not size:
+            return creep(stiffness, hz)
+        least, most = LONGEST_STEPS[0][1], LONGEST_STEPS[1][1]
+        return creep(stiffness, hz * float(np.exp(np.clip(steps[0] / size, least, most))))
+
+    words = (
+        f"the link of {stiffness} creeps, as rubber and belts do: {stiffness} is that of slow motion, and "
+        f"it is stiffer and damped more from some {hz:.2g} Hz on"
+    )
+    remedy = f"take {stiffness} for slow motion only, or excite the band that matters"
+    effect = _part(f"creep of {stiffness}", stiffness, passed)
+    return replace(effect, words=words, remedy=remedy, shape=shape, moved=moved)
+
+
+def _part(name: str, stiffness: str, response: Response) -> Effect:
+    """Return an effect that is a force in a link: its deflection behind a response to i f in Hz."""
+
+    def changes(simulated: Simulated) -> Changes:
+        force = through(deflection(simulated, stiffness), simulated.record.dt, response)
+        return Pushed(simulated, deflection_of(simulated.plant, stiffness), -force)
+
+    return Effect(name, CREEP, "", "", "", changes)

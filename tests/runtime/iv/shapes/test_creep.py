@@ -1,0 +1,65 @@
+"""A link that creeps: its column, what a step of its frequency does, and what identify says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.iv.companion_simulation import Simulated, simulated_beside
+from modelgen.runtime.iv.shapes.creep import creep
+from tests.runtime.iv.shapes.chains import KNOWN, SHORT, there_and_back
+from tests.runtime.two_mass_records import SMALL, TRUTH, two_mass_records
+
+# By how much the link is stiffer in fast motion, over K, and from which frequency in Hz on.
+SHARE, HZ = 0.3, 40.0
+
+
+def simulated_alone() -> Simulated:
+    record = two_mass_records(noise=0.0)[0].part(0, 2000, "short")
+    return simulated_beside(SMALL, TRUTH, record, choose_filter(SMALL, (record,)))
+
+
+def test_a_step_of_the_frequency_changes_the_effect_as_its_column_says() -> None:
+    simulated, size, step = simulated_alone(), 0.1, 1e-4
+    link = creep("K", HZ)
+    assert link.moved is not None
+    near = [link.moved(size, [sign * size * step]) for sign in (1.0, -1.0)]
+    more, less = (one.changes(simulated)["q_c"] for one in near)
+    (frequency,) = link.shape(1)
+    expected = frequency.changes(simulated)["q_c"]
+    scale = float(np.max(np.abs(expected)))
+    np.testing.assert_allclose((more - less) / (2.0 * step), expected, atol=1e-5 * scale)
+
+
+def test_creep_far_above_the_motion_is_a_damper_and_far_below_a_spring() -> None:
+    simulated = simulated_alone()
+    fast, slow = (creep("K", hz).changes(simulated)["q_c"] for hz in (1e4, 2e4))
+    np.testing.assert_allclose(fast, 2.0 * slow, atol=0.05 * float(np.max(np.abs(fast))))
+    stiff, too = (creep("K", hz).changes(simulated)["q_c"] for hz in (1e-4, 2e-4))
+    np.testing.assert_allclose(stiff, too, atol=1e-3 * float(np.max(np.abs(stiff))))
+
+
+def test_its_size_is_said_and_it_never_softens() -> None:
+    link = creep("K", HZ)
+    assert link.possible(1.0) and not link.possible(-1.0)
+    assert "creeps" in link.said(56.4) and link.said(56.4).endswith("from some 40 Hz on (by 56.4)")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [1.0, 0.1])
+def test_a_link_that_creeps_is_found_and_named(times: float) -> None:
+    rate = 2.0 * np.pi * HZ
+
+    def link(q: float, bend: float, crept: float) -> tuple[float, float]:
+        return KNOWN["K"] * (bend + SHARE * (bend - crept)), rate * (bend - crept)
+
+    estimate = identify(SHORT, there_and_back(link, times))
+    said = " ".join(one.what for one in estimate.checks.advice)
+    assert "the link of K creeps" in said
+    assert f"from some {HZ:.2g} Hz on" in said
+    for name in KNOWN:
+        assert abs(estimate.params[name] - KNOWN[name]) < 3.0 * estimate.bse[name]
+    for name, share in (("J_m", 5e-3), ("J_c", 5e-3), ("K", 0.03)):
+        assert estimate.bse[name] < share * KNOWN[name]
