@@ -12,7 +12,7 @@ from modelgen.runtime.filters.derivatives import integral
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.iv.companion_simulation import Further, Simulated
 from modelgen.runtime.iv.effect import DIRECTION, REVERSAL, Changes, Effect, curvature
-from modelgen.runtime.iv.pushed_chain import Pushed, deflection_of, pushed_body
+from modelgen.runtime.iv.pushed_chain import Pushed, deflection_of, pushed_body, pushed_link
 from modelgen.runtime.iv.thresholds import (
     FAR_OFF,
     GIVEN_ROUNDS,
@@ -30,12 +30,7 @@ EITHER_SIGN = ("constant force", "friction by direction")
 
 
 def chain_effects(model: Model, bodies: Sequence[str], turning: bool) -> Iterator[Effect]:
-    """Yield the effects of bodies and of links; none with cubic springs: such a chain is not linear.
-
-    `turning` says whether samples about reversals are used.
-    """
-    if model.cubic_springs:
-        return
+    """Yield the effects of bodies and of links; `turning` says whether samples about reversals are used."""
     for body in bodies:
         yield from _body_effects(body, _named(model, body), turning)
     for friction in model.friction:
@@ -142,11 +137,11 @@ def _spring(
     """Return what a link does beyond its stiffness, per unit of its size, where that has a size already."""
 
     def changes(simulated: Simulated, size: float) -> Changes:
+        if not size:
+            return pushed_link(simulated, stiffness, form(deflection(simulated, stiffness)))
         lever = deflection_of(simulated.plant, stiffness)
         give = size / simulated.plant.parameters[stiffness]
-        if size:
-            return Pushed(simulated, lever, -form(_deflection(simulated, lever, lambda d: give * form(d))))
-        return Pushed(simulated, lever, -form(deflection(simulated, stiffness)))
+        return Pushed(simulated, lever, -form(_deflection(simulated, lever, lambda d: give * form(d))))
 
     return changes
 

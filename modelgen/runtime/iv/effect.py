@@ -170,9 +170,7 @@ class Effect:
             return f"{words} ({size:+.3g})"
         if self.kind == RIPPLE:
             return f"{words} (amplitude {shown:.3g})"
-        if self.kind == CREEP:
-            return f"{words} (by {shown:.3g})"
-        if self.kind == "drift":
+        if self.kind in (CREEP, "drift"):
             return f"{words} (by {100.0 * shown:.2g} %)" if self.relative else f"{words} (by {shown:.3g})"
         return words
 

@@ -47,8 +47,8 @@ def effects_of(
         peaks = [record.facts.extent(key).peak for record in records if key in record.signals]
         found += _force_effects(key, key in late, max(peaks, default=0.0))
         found += [falling_gain(key, course, model.parameters) for course in courses(records)]
-    found += chain_effects(model, bodies, turning)
-    found += varying_effects(model, records)
+    if not model.cubic_springs:  # such a chain is not linear
+        found += (*chain_effects(model, bodies, turning), *varying_effects(model, records))
     return tuple(found)
 
 

@@ -105,3 +105,8 @@ def pushed_body(simulated: Simulated, body: str, force: FloatArray) -> Pushed:
     """Return what a force on one body, in N m or N, shape (n,), changes in the channels."""
     push = np.array([float(name == body) for name in simulated.plant.bodies])
     return Pushed(simulated, push, force)
+
+
+def pushed_link(simulated: Simulated, stiffness: str, force: FloatArray) -> Pushed:
+    """Return what a further force in the link of a stiffness, in N m or N, shape (n,), changes."""
+    return Pushed(simulated, deflection_of(simulated.plant, stiffness), -force)

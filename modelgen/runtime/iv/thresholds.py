@@ -173,13 +173,12 @@ FELT_SHARE, SEEN_AT = 1e-6, 16
 LEFT_OF_FORCE = 0.5
 
 # A further mass is looked for from this share of the dynamics' frequency to this multiple of the cut-off,
-# each frequency so many times the one before, first with this damping ratio, which is wide enough to be met;
-# steps are taken from so many of these.
+# each frequency so many times the one before, first with this damping ratio, which is wide enough to be met.
 RESONANCES_FROM, RESONANCES_TO, RESONANCE_GRID, FIRST_DAMPING = 0.25, 1.2, 1.15, 0.1
-SHAPES_TRIED = 2
-# Steps of a shape, at most; done when the logarithm of the likelihood grows by less than this. The longest
-# steps of the logarithms of frequency and damping; a damping ratio stays above this one.
-SHAPE_STEPS, SAME_SHAPE, LEAST_DAMPING = 12, 1.0, 1e-3
+# Steps start from so many shapes of a grid, and are so many at most; done when the logarithm of the
+# likelihood grows by less than this. The longest steps of the logarithms of frequency and damping (of creep
+# as of damping: it is as wide); a damping ratio stays above this one.
+SHAPES_TRIED, SHAPE_STEPS, SAME_SHAPE, LEAST_DAMPING = 2, 12, 1.0, 1e-3
 LONGEST_STEPS = ((-0.2, -1.0), (0.2, 1.0))
 # Ripple has at least so many periods on the way of a body, fewer are friction or a spring, and at most so
 # many; steps are taken from so many of them, of phases by so many rad at most.

@@ -10,7 +10,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.chain_errors import deflection, on_body
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect
-from modelgen.runtime.iv.pushed_chain import Pushed, deflection_of
+from modelgen.runtime.iv.pushed_chain import deflection_of, pushed_link
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
@@ -20,15 +20,14 @@ MEAN = "as where a machine warms up: its value is that of the middle, and the in
 MIDDLE = "its value is that of the middle of the positions, and the interval holds what it is elsewhere"
 # The rms of what changes evenly from end to end by one.
 EVENLY = 12.0**-0.5
+WARM_DRIVE, WARM_MACHINE = (
+    f"let the {what} warm up first, or identify from each record alone" for what in ("drive", "machine")
+)
+SHORTER = "identify from shorter travels, each about the position that matters"
 
 
 def varying_effects(model: Model, records: Sequence[Record]) -> Iterator[Effect]:
-    """Yield that friction changes in the course of records, along a position or with a load, and springs.
-
-    None with cubic springs: such a chain is not linear.
-    """
-    if model.cubic_springs:
-        return
+    """Yield that friction changes in the course of records, along a position or with a load, and springs."""
     springs = {name: role for name, role in model.roles.items() if role.role == "stiffness"}
     position = _position(model, records)
     for name, body, form, names in _frictions(model):
@@ -57,9 +56,8 @@ def falling_gain(key: str, course: Sequence[tuple[float, float]], names: Sequenc
         "in the course of the records: parameters are those of the middle, and intervals hold what they were"
     )
     falls, rises = (f"the gain of {key} {way} {said}" for way in ("falls", "rises"))
-    remedy = "let the drive warm up first, or identify from each record alone"
     varies = tuple((name, spread(course)) for name in names)
-    return Effect(f"drift of the gain of {key}", "drift", falls, rises, remedy, changes, key,
+    return Effect(f"drift of the gain of {key}", "drift", falls, rises, WARM_DRIVE, changes, key,
                   varies=varies, relative=True)  # fmt: skip
 
 
@@ -111,9 +109,10 @@ def _drift(
         return np.asarray(along(course, simulated.index, len(speed)) * form(speed))
 
     falls, rises = (f"{name} {way} in the course of the records, {MEAN}" for way in ("falls", "rises"))
-    remedy = "let the machine warm up first, or identify from each record alone"
     varies = tuple((one, spread(course)) for one in names)
-    return Effect(f"drift of {name}", "drift", falls, rises, remedy, on_body(body, force), varies=varies)
+    return Effect(
+        f"drift of {name}", "drift", falls, rises, WARM_MACHINE, on_body(body, force), varies=varies
+    )
 
 
 def _position(model: Model, records: Sequence[Record]) -> tuple[str, float, float] | None:
@@ -140,10 +139,9 @@ def _along(
         return -_placed(simulated, key, least, greatest) * form(simulated.led[body].speed)
 
     rises, falls = (f"{name} {way} with {key}: {MIDDLE}" for way in ("rises", "falls"))
-    remedy = "identify from shorter travels, each about the position that matters"
     varies = tuple((one, EVENLY) for one in names)
     return Effect(
-        f"course of {name} along {key}", "drift", rises, falls, remedy, on_body(body, force), varies=varies
+        f"course of {name} along {key}", "drift", rises, falls, SHORTER, on_body(body, force), varies=varies
     )
 
 
@@ -151,12 +149,11 @@ def _stiffer(stiffness: str, pair: str, key: str, least: float, greatest: float)
     """Return that a link grows stiffer along a position: a belt or a screw is as stiff as its free length."""
 
     def changes(simulated: Simulated) -> Changes:
-        lever, bent = deflection_of(simulated.plant, stiffness), deflection(simulated, stiffness)
-        return Pushed(simulated, lever, -_placed(simulated, key, least, greatest) * bent)
+        force = _placed(simulated, key, least, greatest) * deflection(simulated, stiffness)
+        return pushed_link(simulated, stiffness, force)
 
     rises, falls = (f"{stiffness} between {pair} {way} with {key}: {MIDDLE}" for way in ("rises", "falls"))
-    remedy = "identify from shorter travels, each about the position that matters"
-    return Effect(f"course of {stiffness} along {key}", "drift", rises, falls, remedy, changes,
+    return Effect(f"course of {stiffness} along {key}", "drift", rises, falls, SHORTER, changes,
                   varies=((stiffness, EVENLY),))  # fmt: skip
 
 

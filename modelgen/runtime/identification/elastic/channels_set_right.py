@@ -72,7 +72,7 @@ def with_channels_set_right(task: Task, again: Again) -> tuple[Task, SetRight | 
 
 
 @dataclass(frozen=True, eq=False)
-class _AtRest:
+class _Aligned:
     """Where steps came to rest: the task with records set right, by what, and what rows leave."""
 
     task: Task
@@ -87,8 +87,8 @@ class _AtRest:
 
 
 def _come_to_rest(
-    task: Task, again: Again, candidates: tuple[Effect, ...], near: _AtRest | None = None
-) -> _AtRest | None:
+    task: Task, again: Again, candidates: tuple[Effect, ...], near: _Aligned | None = None
+) -> _Aligned | None:
     """Return where steps of what is off come to rest; None where nothing is, or they do not.
 
     With `near` the task is the same with forces held, whose delays are looked for anew.
@@ -132,7 +132,7 @@ def _come_to_rest(
             return None
         now = changed
         if rests and looked and not doubtful:
-            return _AtRest(now, known, right, joint.fit.misfit)
+            return _Aligned(now, known, right, joint.fit.misfit)
     return None
 
 

@@ -55,8 +55,12 @@ class JointEffects:
         return float(self.fit.solution.x[place]), float(np.hypot(self._spread[place], self._pulled(place)))
 
     @cached_property
+    def _covariance(self) -> FloatArray:
+        return np.asarray(hac_covariance(self.fit))
+
+    @cached_property
     def _spread(self) -> FloatArray:
-        return np.asarray(np.sqrt(np.maximum(np.diag(hac_covariance(self.fit)), 0.0)))
+        return np.asarray(np.sqrt(np.maximum(np.diag(self._covariance), 0.0)))
 
     def _pulled(self, place: int) -> float:
         """Return by how much noise in the other columns moves the size in a column."""
@@ -72,7 +76,7 @@ class JointEffects:
         R = self.fit.triangle[:-1, :-1]
         moves = np.asarray(-np.linalg.lstsq(R[:, own], R[:, last], rcond=None)[0], dtype=np.float64)
         pulled = np.array([self._pulled(place) for place in last])
-        covariance = np.asarray(hac_covariance(self.fit)[np.ix_(last, last)]) + np.outer(pulled, pulled)
+        covariance = self._covariance[np.ix_(last, last)] + np.outer(pulled, pulled)
         columns = tuple(self.fit.columns[place] for place in own)
         return SetRight(columns, tuple(known), tuple(known.values()), moves, covariance)
 

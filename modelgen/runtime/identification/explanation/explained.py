@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LEFT_SHARE, OVER_NOISE, ZERO_APART
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import Observation
 
 if TYPE_CHECKING:
@@ -153,27 +154,35 @@ def gained(before: Begun, after: Begun, recorded: Job | None = None, held: Colle
     either leaves clearly more than noise it is an error of the forces that is left, which no low-pass of a
     sensor makes less of: misfits are compared as they are.
     """
-    # what encoders round is no part of either: of motions that hardly differ it would differ by chance
-    fits = before.found.fit, replace(after.found.fit, simulated=before.found.fit.simulated)
+    fits = before.found.fit, after.found.fit
     if exceeding(before) and exceeding(after):
         return fits[0].misfit - fits[1].misfit
     one, other = before.found, after.found
     left = unlikely(recorded or before.task.job, fits[0], one.effects, one.sizes)
-    return left - unlikely(recorded or after.task.job, fits[1], other.effects, other.sizes, held)
+    job = recorded or after.task.job
+    # what encoders round is no part of either: of motions that hardly differ it would differ by chance
+    return left - unlikely(job, fits[1], other.effects, other.sizes, held, fits[0].simulated)
 
 
 def unlikely(
-    job: Job, fit: Fit, effects: Sequence[Effect], sizes: Sequence[float], held: Collection[str] = ()
+    job: Job,
+    fit: Fit,
+    effects: Sequence[Effect],
+    sizes: Sequence[float],
+    held: Collection[str] = (),
+    moved: Mapping[int, Record] | None = None,
 ) -> float:
     """Return minus the logarithm of a fit's likelihood, each block with noise of one size.
 
     What is left counts as a multiple of what noise of the sensors gives a row with its parameters. These, and
     what an effect or a hold of the channels `held` takes off a channel by a low-pass, make less of noise
     where they make less of a row: that explains nothing. Rows without noise count by size (`Fit.misfit`).
+    Encoders round the motion `moved`, by record, that of the fit's own simulation if none is given.
     """
     from modelgen.runtime.iv.low_pass import noise_passed
 
     total, x = 0.0, fit.all_parameters(job.model.base_parameters)
+    motions = moved or fit.simulated or {}
     for index, block in enumerate(fit.blocks):
         record, factor = job.records[block.record], job.choice.decimation[block.record]
         lines = noise_band(record, job.choice).frequency_hz
@@ -181,8 +190,8 @@ def unlikely(
         for one, size in zip(effects, sizes, strict=True):
             share = noise_passed(one, size, lines, record.fs)
             passed[one.channel] = passed.get(one.channel, 1.0) * share
-        moved, left = (fit.simulated or {}).get(block.record), fit.rms(index)
-        noise = row_noise(job.model, record, job.choice, factor, block.row, x, moved, passed)
+        motion, left = motions.get(block.record), fit.rms(index)
+        noise = row_noise(job.model, record, job.choice, factor, block.row, x, motion, passed)
         if noise <= 0.0 or left <= 0.0:
             return fit.misfit
         total += block.count * float(np.log(left / noise))

@@ -16,9 +16,9 @@ from modelgen.array_types import ComplexArray
 from modelgen.runtime.iv.chain_errors import deflection
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import CREEP, Changes, Effect
-from modelgen.runtime.iv.pushed_chain import Pushed, deflection_of
+from modelgen.runtime.iv.pushed_chain import pushed_link
 from modelgen.runtime.iv.shapes.further_mass import Response, through
-from modelgen.runtime.iv.shapes.shape_search import ShapeRows
+from modelgen.runtime.iv.shapes.shape_search import ShapeRows, grid_hz
 from modelgen.runtime.iv.thresholds import CREEPS_FROM, CREEPS_GRID, LONGEST_STEPS
 
 # The frequency.
@@ -36,10 +36,9 @@ def creeping_links(rows: ShapeRows, names: Collection[str]) -> Iterator[Effect]:
     """
     choice = rows.setting.choice
     low, high = CREEPS_FROM * (choice.dynamics_hz or choice.cutoff_hz), choice.cutoff_hz
-    count = max(2, round(float(np.log(high / low) / np.log(CREEPS_GRID))))
     for name, role in rows.simulated[0].plant.model.roles.items():
         if role.role == "stiffness":
-            grid = [creep(name, float(hz)) for hz in np.geomspace(low, high, count)]
+            grid = [creep(name, hz) for hz in grid_hz(low, high, CREEPS_GRID)]
             if grid[0].name not in names:
                 yield from rows.best_of(grid, NUMBERS)
 
@@ -76,6 +75,6 @@ def _part(name: str, stiffness: str, response: Response) -> Effect:
 
     def changes(simulated: Simulated) -> Changes:
         force = through(deflection(simulated, stiffness), simulated.record.dt, response)
-        return Pushed(simulated, deflection_of(simulated.plant, stiffness), -force)
+        return pushed_link(simulated, stiffness, force)
 
     return Effect(name, CREEP, "", "", "", changes)

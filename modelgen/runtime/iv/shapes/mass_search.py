@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
-import numpy as np
-
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.shapes.further_mass import further_mass
-from modelgen.runtime.iv.shapes.shape_search import ShapeRows
+from modelgen.runtime.iv.shapes.shape_search import ShapeRows, grid_hz
 from modelgen.runtime.iv.thresholds import (
     FIRST_DAMPING,
     RESONANCE_GRID,
@@ -41,5 +39,4 @@ def _frequencies(setting: Setting) -> list[float]:
     choice, fs = setting.choice, min(record.fs for record in setting.records)
     low = RESONANCES_FROM * (choice.dynamics_hz or choice.cutoff_hz)
     high = min(RESONANCES_TO * choice.cutoff_hz, 0.5 * fs)
-    count = max(2, round(float(np.log(high / low) / np.log(RESONANCE_GRID))))
-    return [float(hz) for hz in np.geomspace(low, high, count)]
+    return grid_hz(low, high, RESONANCE_GRID)

@@ -140,6 +140,12 @@ class ShapeRows:
         return _Begun(effect, shape, columns, self.left(columns).least)
 
 
+def grid_hz(low: float, high: float, ratio: float) -> list[float]:
+    """Return frequencies in Hz from one to another, each about so many times the one before."""
+    count = max(2, round(float(np.log(high / low) / np.log(ratio))))
+    return [float(hz) for hz in np.geomspace(low, high, count)]
+
+
 @dataclass(frozen=True, eq=False)
 class _Begun:
     """An effect in its shape, columns of what is linear in it, (n,) a block each, and what that leaves."""

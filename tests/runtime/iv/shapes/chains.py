@@ -9,8 +9,11 @@ from scipy.integrate import solve_ivp
 
 from modelgen.array_types import FloatArray
 from modelgen.cli.candidates import spec_model
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.iv.companion_simulation import Simulated, simulated_beside
 from modelgen.runtime.records.record import Record
 from modelgen.spec.load import parse_spec
+from tests.runtime.two_mass_records import SMALL, TRUTH, two_mass_records
 
 TWO = """
 [chain]
@@ -53,6 +56,11 @@ FS, NOISE = 2000.0, {"T": 2e-3, "q_m": 3e-6, "q_c": 3e-6}
 TRAVEL = 24.0
 # Of the motor's position, the deflection and a further state: the force of a link, and the state's rate.
 Link = Callable[[float, float, float], tuple[float, float]]
+
+
+def simulated_alone() -> Simulated:
+    record = two_mass_records(noise=0.0)[0].part(0, 2000, "short")
+    return simulated_beside(SMALL, TRUTH, record, choose_filter(SMALL, (record,)))
 
 
 def noisy(signals: Mapping[str, FloatArray], seed: int, name: str, times: float = 1.0) -> Record:

@@ -5,20 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.iv.companion_simulation import Simulated, simulated_beside
 from modelgen.runtime.iv.shapes.creep import creep
-from tests.runtime.iv.shapes.chains import KNOWN, SHORT, there_and_back
-from tests.runtime.two_mass_records import SMALL, TRUTH, two_mass_records
+from tests.runtime.iv.shapes.chains import KNOWN, SHORT, simulated_alone, there_and_back
 
 # By how much the link is stiffer in fast motion, over K, and from which frequency in Hz on.
 SHARE, HZ = 0.3, 40.0
-
-
-def simulated_alone() -> Simulated:
-    record = two_mass_records(noise=0.0)[0].part(0, 2000, "short")
-    return simulated_beside(SMALL, TRUTH, record, choose_filter(SMALL, (record,)))
 
 
 def test_a_step_of_the_frequency_changes_the_effect_as_its_column_says() -> None:

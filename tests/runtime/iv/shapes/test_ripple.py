@@ -8,18 +8,16 @@ import numpy as np
 import pytest
 
 from modelgen.cli.candidates import spec_model
-from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import CheckOptions
-from modelgen.runtime.iv.companion_simulation import Simulated, simulated_beside
 from modelgen.runtime.iv.shapes.ripple import PeriodicPlace, position, ripple
 from modelgen.runtime.iv.shapes.ripple_search import _spectrum
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.spec.load import parse_spec
-from tests.runtime.iv.shapes.chains import BOTH_SEEN, FURTHER, KNOWN, SHORT, TWO
-from tests.runtime.two_mass_records import SMALL, TRUTH, two_mass_records
+from tests.runtime.iv.shapes.chains import BOTH_SEEN, FURTHER, KNOWN, SHORT, TWO, simulated_alone
+from tests.runtime.two_mass_records import SMALL
 
 ENDS_SEEN = BOTH_SEEN.replace("q_c", "q_x").replace('"c"', '"x"')
 THREE = spec_model(parse_spec(TWO + FURTHER + ENDS_SEEN, "three.toml"), "s")
@@ -50,11 +48,6 @@ def rippled(model: Model, values: dict[str, float], seed: int, wrong: str = "T")
         signals[wrong] = signals[wrong] + AMPLITUDE[wrong[0]] * turned
         found.append(Record(signals, 2000.0, kind))
     return found
-
-
-def simulated_alone() -> Simulated:
-    record = two_mass_records(noise=0.0)[0].part(0, 2000, "short")
-    return simulated_beside(SMALL, TRUTH, record, choose_filter(SMALL, (record,)))
 
 
 @pytest.mark.parametrize("place", [0, 1])
