@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from typing import TypeVar
 
@@ -16,6 +16,7 @@ from modelgen.runtime.iv.divergence import simulation_failed
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.pushed_chain import Pushed
+from modelgen.runtime.iv.pushed_rows import PushedRows
 from modelgen.runtime.iv.thresholds import AT_REST, SLOW_QUANTILE, TRIED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
@@ -118,10 +119,11 @@ def effect_rows(
         blocks = {index: fit.blocks[index] for index in fit.by_record[record]}
         turning = {block.row for block in blocks.values() if block.turning}
         calm = _rows(setting, one.record, record)
+        pushes = PushedRows(calm)
         for effect, known in zip(effects, (*sizes, *[0.0] * len(effects)), strict=False):
-            touched, changes = _seen_in(setting.model, effect.added(one, known))
-            size = _tried_size(one.record, changes)
-            if size == 0.0:
+            changes = effect.added(one, known)
+            touched, read = _seen_in(setting.model, changes)
+            if not _moves(one.record, changes, read):
                 found.append({})
                 continue
             # what is made of other channels stays as it is
@@ -129,12 +131,11 @@ def effect_rows(
                 {
                     key: w
                     for key, w in every[row].items()
-                    if (row in turning or key not in jumps)
-                    and not changes.keys().isdisjoint(reads.get(key, ()))
+                    if (row in turning or key not in jumps) and not read.isdisjoint(reads.get(key, ()))
                 }
                 for row in touched
             ]
-            change = dict(zip(touched, _moved_rows(calm, one.record, moved, changes, size), strict=True))
+            change = dict(zip(touched, _moved_rows(pushes, one.record, moved, changes, read), strict=True))
             found.append(
                 {index: change[row.row][row.place] for index, row in blocks.items() if row.row in change}
             )
@@ -149,18 +150,27 @@ def effect_rows(
 
 
 def _moved_rows(
-    calm: RecordRows, record: Record, terms: Sequence[Mapping[str, float]], changes: Changes, size: float
+    pushes: PushedRows, record: Record, terms: Sequence[Mapping[str, float]], changes: Changes, read: Set[str]
 ) -> FloatArray:
     """Return what sums of signals and features change per unit of the changes of channels, (sums, grid).
 
-    Filters pass what is added to a signal by itself. Features are formed with and without `size` of it.
+    `read` are the channels that they read. Filters pass what is added to a signal by itself. Features are
+    formed with and without a small multiple of it.
     """
+    calm = pushes.rows
     signals = calm.plan.signals
-    added = replace(calm, source=EditedChannels(record, record.name, record.n, changes))
-    found = added.mixed([{key: w for key, w in one.items() if key in signals} for one in terms])
+    linear = [{key: w for key, w in one.items() if key in signals} for one in terms]
     formed = [{key: w for key, w in one.items() if key not in signals} for one in terms]
+    own: Changes = {}
+    if not isinstance(changes, Pushed) or any(formed):
+        own = changes.among(read) if isinstance(changes, Pushed) else {key: changes[key] for key in read}
+    if isinstance(changes, Pushed):
+        found = pushes.mixed(changes, linear)
+    else:
+        found = replace(calm, source=EditedChannels(record, record.name, record.n, own)).mixed(linear)
     if any(formed):
-        more = {key: record.signals[key] + size * change for key, change in changes.items()}
+        size = _tried_size(record, own)
+        more = {key: record.signals[key] + size * change for key, change in own.items()}
         changed = replace(calm, source=EditedChannels(record, record.name, record.n, more))
         found += (changed.mixed(formed) - calm.mixed(formed)) / size
     return found
@@ -178,15 +188,21 @@ def _over_records(
     return each(work, every, len(every)) if files else map(work, every)
 
 
-def _seen_in(model: Model, changes: Changes) -> tuple[tuple[int, ...], Changes]:
-    """Return the rows that changes of channels change, and the changes of the channels of these rows."""
+def _seen_in(model: Model, changes: Changes) -> tuple[tuple[int, ...], Set[str]]:
+    """Return the rows that changes of channels change, and the channels of these rows that are changed."""
     of_rows = channels_of_rows(model)
     if isinstance(changes, Pushed):
         touched = changes.felt_rows()
-        return touched, changes.among({key for row in touched for key in of_rows[row]})
-    touched = tuple(row for row, own in enumerate(of_rows) if not own.isdisjoint(changes))
-    read = {key for row in touched for key in of_rows[row]}
-    return touched, {key: changes[key] for key in changes if key in read}
+    else:
+        touched = tuple(row for row, own in enumerate(of_rows) if not own.isdisjoint(changes))
+    return touched, {key for row in touched for key in of_rows[row]}.intersection(changes)
+
+
+def _moves(record: Record, changes: Changes, read: Set[str]) -> bool:
+    """Tell whether the channels that are read move, and something is added to one of them."""
+    if isinstance(changes, Pushed):
+        return changes.acts and all(_spread(record, key) for key in read)
+    return _tried_size(record, {key: changes[key] for key in read}) > 0.0
 
 
 def noise_rows(

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.thresholds import FELT_SHARE, SEEN_AT
@@ -38,16 +38,18 @@ def deflection_of(plant: Plant, stiffness: str) -> FloatArray:
 class Pushed(Mapping[str, FloatArray]):
     """What a further force changes in each channel, in SI, shape (n,), worked out when it is asked for.
 
-    The chain is linear between reversals, and held in place (`HeldChain`).
+    The chain is linear between reversals, and held in place (`HeldChain`). `push` is how the force acts on
+    the bodies, `acts` whether there is any, and `size` the samples that its spectrum is of.
     """
 
     def __init__(self, simulated: Simulated, push: FloatArray, force: FloatArray) -> None:
         """Take how the force acts on the bodies, shape (bodies,), and the force in N m or N, shape (n,)."""
         record = simulated.record
         self._held, self._push, self._n, self._felt = simulated.held, push, record.n, simulated.felt
+        self.push, self.acts = tuple(push.tolist()), bool(np.any(force))
         self._mismatch = simulated.mismatch
-        self._size = quick_length(record.n)
-        padded = np.concatenate([force, np.linspace(force[-1], force[0], self._size - record.n + 2)[1:-1]])
+        self.size = quick_length(record.n)
+        padded = np.concatenate([force, np.linspace(force[-1], force[0], self.size - record.n + 2)[1:-1]])
         self._spectrum = np.fft.rfft(padded)
         self._keys = tuple(key for key in self._held.readings if key in record.signals)
         self._found: dict[str, FloatArray] = {}
@@ -61,9 +63,17 @@ class Pushed(Mapping[str, FloatArray]):
         """Return the changes of the channels among some keys, shape (n,) each, worked out together."""
         asked = [key for key in self._keys if key in keys]
         missing = [key for key in asked if key not in self._found]
-        for key, way in self._held.read(missing, self._push).items():
-            self._found[key] = np.fft.irfft(way * self._spectrum, self._size)[: self._n]
+        for key, way in self.ways(missing).items():
+            self._found[key] = self.answered(way)
         return {key: self._found[key] for key in asked}
+
+    def ways(self, keys: Collection[str]) -> dict[str, ComplexArray]:
+        """Return what channels read per unit of the push, shape (frequencies,) each."""
+        return self._held.read(keys, self._push)
+
+    def answered(self, way: ComplexArray) -> FloatArray:
+        """Return what answers the push in this way, shape (n,), from (frequencies,), in the way's unit."""
+        return np.asarray(np.fft.irfft(way * self._spectrum, self.size)[: self._n])
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._keys)
@@ -77,10 +87,9 @@ class Pushed(Mapping[str, FloatArray]):
         A row that is the balance of other bodies is fulfilled by what the force does to them. Friction does
         not change its direction at the same instants then; that is no part of what the force does.
         """
-        at = tuple(self._push.tolist())
-        if at not in self._felt:
-            self._felt[at] = self._feeling()
-        return self._felt[at]
+        if self.push not in self._felt:
+            self._felt[self.push] = self._feeling()
+        return self._felt[self.push]
 
     def _feeling(self) -> tuple[int, ...]:
         held, model = self._held, self._held.plant.model
