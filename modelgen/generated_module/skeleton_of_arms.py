@@ -71,6 +71,8 @@ HEAD = '''\
 ? REVERSALS = <REVERSALS>
 ? SPEEDS = <SPEEDS>
 ? ESTIMATED = <ESTIMATED>
+? PLACEMENTS = <PLACEMENTS>
+? GRAVITY = <GRAVITY>
   #: samples that are computed at once: their intermediate values stay in the processor's cache
   BLOCK = <block>
 

@@ -14,6 +14,7 @@ from modelgen.render.arms.straight_line import Operation, StraightLine
 from modelgen.render.printer import literal, weighted_sum
 from modelgen.spec.arms.arm import LINK_PARAMETERS, ArmSensor
 from modelgen.spec.arms.parameters import COUPLED, ArmParameter, arm_parameters, mounting_values
+from modelgen.spec.arms.poses import pose_of
 from modelgen.symbolic.arms.base_parameters import ArmBaseModel
 
 ARM_CONTRACT_VERSION = 2
@@ -102,6 +103,11 @@ def _constants(lines: ArmLines) -> tuple[tuple[str, str], ...]:
         values["SPEEDS"] = drive_speeds(rows)
     if rows.estimated:
         values["ESTIMATED"] = dict(rows.estimated)
+    if rows.sensor_set and any(one.role == "stiffness" for one in parameters):
+        # what is asked of rows without a simulation: whether links, or gravity, are elsewhere
+        poses = [pose_of(joint.placement, spec.lengths) for joint in spec.joints]
+        values["PLACEMENTS"] = tuple(tuple(tuple(map(float, row)) for row in pose[:3]) for pose in poses)
+        values["GRAVITY"] = tuple(map(float, spec.gravity))
     return tuple((name, literal(value)) for name, value in values.items())
 
 

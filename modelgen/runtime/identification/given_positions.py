@@ -143,9 +143,23 @@ def near_by(task: Task) -> Task | None:
     kernel = task.model.kernel
     if not isinstance(kernel, DeflectedKernel):
         return task
-    job = replace(task.job, late=(), rows_for_tag=None)
-    found = _at_rest(task, job, kernel, (kernel.point,), others=False)
+    found = _from_point(task, kernel, others=False)
     return None if found is None else found[0]
+
+
+def about_from_near_by(task: Task) -> tuple[Task, Drifting | None]:
+    """Return `about_the_estimate` of changed records, whose estimate was near by before.
+
+    Raises as that does: where nothing near by holds, it starts anew.
+    """
+    kernel = task.model.kernel
+    found = _from_point(task, kernel, others=True) if isinstance(kernel, DeflectedKernel) else None
+    return found or about_the_estimate(task)
+
+
+def _from_point(task: Task, kernel: DeflectedKernel, others: bool) -> tuple[Task, Rest] | None:
+    job = replace(task.job, late=(), rows_for_tag=None)
+    return _at_rest(task, job, kernel, (kernel.point,), others)
 
 
 def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:

@@ -29,6 +29,8 @@ CREEP = "creep"
 # in it, which the others leave to an effect of its own.
 TWO_POLES = "two poles"
 LOW_PASSES = frozenset({"lag", "average", TWO_POLES})
+# Kinds of what is elsewhere than a file says: by so many m, or so many rad.
+LENGTH, TILT = "length", "tilt"
 # Kinds that say when a channel is read.
 LATE = frozenset({"delay", TWO_POLES})
 
@@ -168,6 +170,10 @@ class Effect:
             return f"{words} ({100.0 * size:+.2g} %)"
         if self.kind == "zero":
             return f"{words} ({size:+.3g})"
+        if self.kind == LENGTH:
+            return f"{words} by {1e3 * size:+.3g} mm"
+        if self.kind == TILT:
+            return f"{words}, by {np.degrees(shown):.2g} deg"
         if self.kind == RIPPLE:
             return f"{words} (amplitude {shown:.3g})"
         if self.kind in (CREEP, "drift"):

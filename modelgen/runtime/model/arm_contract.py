@@ -38,6 +38,14 @@ def _is_matrix(value: Any) -> bool:
     )
 
 
+def _is_numbers(value: Any, rows: int, columns: int) -> bool:
+    return (
+        isinstance(value, tuple)
+        and len(value) == rows
+        and all(isinstance(row, tuple) and len(row) == columns and all(map(is_number, row)) for row in value)
+    )
+
+
 def _is_speed(value: Any) -> bool:
     return (
         isinstance(value, tuple)
@@ -89,7 +97,15 @@ SENSORS = {
     "measures": one_of(MEASURES),
     "channels": Kind("a non-empty tuple of strings", lambda value: is_texts(value) and value != ()),
 }
-ESTIMATED = Kind("a mapping of channels to rows", maps_texts(is_text))
+#: Of some modules whose sensors are said.
+GIVEN_SOMETIMES: dict[str, Kind] = {
+    "ESTIMATED": Kind("a mapping of channels to rows", maps_texts(is_text)),
+    "PLACEMENTS": Kind(
+        "a tuple of frames of three rows of four numbers",
+        lambda v: isinstance(v, tuple) and all(_is_numbers(frame, 3, 4) for frame in v),
+    ),
+    "GRAVITY": Kind("three numbers", lambda v: _is_numbers((v,), 1, 3)),
+}
 FUNCTION_NAMES = ("entries", "measurement", "regressor", "base_from_physical")
 
 
@@ -97,8 +113,7 @@ def arm_problems(module: Any) -> list[tuple[str, str]]:
     """Return (place, what is wrong) for every violation of the contract."""
     sensed = any(hasattr(module, name) for name in (*OF_SENSORS, "SENSORS"))
     values = {**VALUES, **(OF_SENSORS if sensed else {})}
-    if sensed and hasattr(module, "ESTIMATED"):
-        values["ESTIMATED"] = ESTIMATED
+    values |= {name: kind for name, kind in GIVEN_SOMETIMES.items() if sensed and hasattr(module, name)}
     tables = {**TABLES, **({"SENSORS": SENSORS} if sensed else {})}
     found = shape_problems(module, values, tables, ROLE, FUNCTION_NAMES)
     found = found or _references(module)
@@ -117,6 +132,8 @@ def _references(module: Any) -> list[tuple[str, str]]:
     found = []
     if len(module.TRANSMISSION) != len(moving):
         found.append(("TRANSMISSION", f"is not of the {len(moving)} joints that move"))
+    if hasattr(module, "PLACEMENTS") and len(module.PLACEMENTS) != len(module.JOINTS):
+        found.append(("PLACEMENTS", f"are not of the {len(module.JOINTS)} joints"))
     found += _sensor_references(module, moving) if hasattr(module, "SENSORS") else _signals(module, moving)
     found += [
         ("ENTRIES", f"hold {pair!r}, which is no row and column")

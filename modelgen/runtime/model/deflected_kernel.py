@@ -138,7 +138,7 @@ class DeflectedKernel:
     def lines(
         self, read: Mapping[Read, FloatArray], succession: Succession | None = None
     ) -> Mapping[str, FloatArray]:
-        """Return every feature, and given speeds, shape (N,) each, from what is read, shape (N,) each.
+        """Return every feature, given positions and speeds, (N,) each, from what is read, shape (N,) each.
 
         Where samples are no `succession`, what the damping of springs delays is a series, to second order;
         what `read` holds of a given position is added to it (`beyond_series`).
@@ -162,8 +162,8 @@ class DeflectedKernel:
         for key, terms in self.sums.items():
             parts = (w * values[k] if k in values else self._sum(((w, k),), 0, read, count) for w, k in terms)
             found[key] = sum(parts, np.zeros(count))
-        found |= {one.key: ways[one.key] for one in self.speeds}
-        along = self._along(signals, found, turning)
+        found |= given | {one.key: ways[one.key] for one in self.speeds}
+        along = self._along(signals, found, turning) if self.rows else {}
         for place in self.rows:
             found[shift_key(place)] = shift = np.zeros(count)
             for column in self.columns:
@@ -204,7 +204,7 @@ class DeflectedKernel:
             if (row.channel, order) in read:
                 position[order] = position[order] + read[row.channel, order]
         slopes = {}
-        for column, part in columns.items():
+        for column, part in columns.items() if self.rows else ():
             acting = [
                 rest + part.position * position[order] + _later(part.speed, position, order)
                 for order, rest in enumerate(rests[column])

@@ -97,16 +97,35 @@ class KernelLines:
         lines = self._formed(filtered, start - felt, count + 2 * felt)
         return {one.name: lines[one.key][felt : felt + count] for one in self.kernel.speeds}
 
+    def signals_at(self, filtered: Filtered, start: int, count: int) -> dict[str, FloatArray]:
+        """Return what the lines are formed from at so many samples, by the module's names, SI, (count,) each.
+
+        Positions that rows give are among them.
+        """
+        felt = lag_reach(self.kernel.lag, self.fs) if isinstance(self.kernel, DeflectedKernel) else 0
+        known = self._known(filtered, start - felt, count + 2 * felt)
+        found = {key: known[place] for key, place in self.kernel.reads_of.items() if place in known}
+        if isinstance(self.kernel, DeflectedKernel):
+            found |= self._lines(known)
+        return {key: line[felt : felt + count] for key, line in found.items()}
+
     def _formed(self, filtered: Filtered, start: int, count: int) -> Mapping[str, FloatArray]:
         """Return every line at the full rate, shape (count,) each."""
+        return self._lines(self._known(filtered, start, count))
+
+    def _known(self, filtered: Filtered, start: int, count: int) -> dict[Read, FloatArray]:
+        """Return what lines are formed from at the full rate, shape (count,) each."""
         reach = self._reach
         made = {
             channel: filtered(channel, one, start - reach, count + 2 * reach)
             for channel, one in self.operators.items()
         }
         read = {key: made[channel][:, column] for key, (channel, column) in self.inputs.items()}
+        return with_inner(self.kernel, read, self.stencil, self.fs)
+
+    def _lines(self, known: Mapping[Read, FloatArray]) -> Mapping[str, FloatArray]:
         succession = Succession(self.fs, partial(_whole, self.directions) if self.directions else None)
-        return formed(self.kernel, with_inner(self.kernel, read, self.stencil, self.fs), succession)
+        return formed(self.kernel, known, succession)
 
 
 def inner_orders(kernel: Kernel | DeflectedKernel) -> dict[str, int]:

@@ -116,6 +116,11 @@ class SignalPlan:
         assert self.kernel is not None  # it gives them
         return self.kernel.speeds_at(partial(self._read, stretch), start, count)
 
+    def kernel_signals(self, stretch: PaddedStretch, start: int, count: int) -> dict[str, FloatArray]:
+        """Return what the kernel is formed from, (count,) each: `KernelLines.signals_at`."""
+        assert self.kernel is not None  # it reads them
+        return self.kernel.signals_at(partial(self._read, stretch), start, count)
+
     def _read(
         self, stretch: PaddedStretch, source: str, operator: FusedOperator, start: int, count: int
     ) -> FloatArray:

@@ -10,7 +10,7 @@ from modelgen.runtime.identification.elastic.channel_errors import SetRight
 from modelgen.runtime.identification.elastic.channels_set_right import with_channels_set_right
 from modelgen.runtime.identification.elastic.row_forces import summed_friction
 from modelgen.runtime.identification.explanation.explained import Begun, with_note
-from modelgen.runtime.identification.given_positions import Drifting, about_the_estimate, near_by
+from modelgen.runtime.identification.given_positions import Drifting, about_from_near_by, near_by
 from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.least_squares.fit import Fit
@@ -40,10 +40,11 @@ def with_aligned_channels(task: Task, rest: Drifting | None) -> tuple[Task, Drif
     changed, found = with_channels_set_right(task, near_by)
     if found is None:
         return task, rest
-    try:
-        task, rest = about_the_estimate(changed)
-    except (DataError, IdentifiabilityError):
-        return task, rest
+    if found.changes_records:
+        try:
+            task, rest = about_from_near_by(changed)
+        except (DataError, IdentifiabilityError):
+            return task, rest
     task = replace(task, doubts=lambda: (*changed.doubts(), *found.advice))
     return task, RestWithChannels(rest, found)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,12 +14,13 @@ from modelgen.runtime.identification.thresholds import (
     HALF_SAMPLE,
     LEAST_ALIGNED_GAIN,
     LEAST_ALIGNED_SAMPLES,
+    MOST_ALIGNED_GAIN,
     MOST_ALIGNED_SAMPLES,
     TRIED_GAIN,
     TRIED_SAMPLES,
     TRIED_ZERO,
 )
-from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.effect import TILT, Effect
 from modelgen.runtime.iv.model_errors import delay_effect, zero_effect
 from modelgen.runtime.iv.told_effects import below_noise, estimated, left
 from modelgen.runtime.least_squares.fit import Fit
@@ -64,11 +65,16 @@ class SetRight:
     held: tuple[str, ...] = ()
 
     @property
+    def changes_records(self) -> bool:
+        """Whether channels are others now: what rows lack changes none."""
+        return bool(self.held) or not all(isinstance(effect, RowForce) for effect in self.effects)
+
+    @property
     def advice(self) -> tuple[Advice, ...]:
         """What is said of the channels."""
         told = tuple(
             (left if isinstance(effect, RowForce) else estimated)(effect, size, ())
-            for effect, size in zip(self.effects, self.sizes, strict=True)
+            for effect, size in _one_a_cause(self.effects, self.sizes)
         )
         return (_told_holds(self.held), *told) if self.held else told
 
@@ -87,6 +93,19 @@ class SetRight:
         ]
         sizes = self.covariance + np.outer(lacking, lacking)
         return np.asarray(moves @ sizes @ moves.T)
+
+
+def _one_a_cause(effects: Sequence[Effect], sizes: Sequence[float]) -> Iterator[tuple[Effect, float]]:
+    """Yield effects and sizes; of several with the same words one, with the size of all that have a unit."""
+    causes: dict[str, list[tuple[Effect, float]]] = {}
+    for effect, size in zip(effects, sizes, strict=True):
+        causes.setdefault(effect.words if effect.words == effect.negative else effect.name, []).append(
+            (effect, size)
+        )
+    for found in causes.values():
+        tilts = [one for one in found if one[0].kind == TILT]
+        effect, size = (tilts or found)[0]
+        yield (effect, float(np.hypot.reduce([one for _, one in tilts]))) if tilts else (effect, size)
 
 
 def channel_errors(model: Model) -> tuple[Effect, ...]:
@@ -144,7 +163,9 @@ def set_right(model: Model, record: Record, index: int, sizes: Mapping[Effect, f
 
 
 def runs_away(effect: Effect, size: float, records: Sequence[Record]) -> bool:
-    """Tell whether a delay is too long for the channels of one record."""
+    """Tell whether a delay is too long for the channels of one record, or a gear is another machine's."""
+    if effect.kind == "gain":
+        return abs(size) > MOST_ALIGNED_GAIN
     late = size * max(record.fs for record in records) if effect.kind == "delay" else 0.0
     return abs(late) > MOST_ALIGNED_SAMPLES
 

@@ -22,7 +22,9 @@ from modelgen.runtime.identification.elastic.channel_errors import (
     runs_away,
     set_right,
 )
+from modelgen.runtime.identification.elastic.effect_rows import EffectRows
 from modelgen.runtime.identification.elastic.joint_effects import joint_effects
+from modelgen.runtime.identification.elastic.link_forces import link_forces
 from modelgen.runtime.identification.elastic.row_forces import RowForce, row_forces
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
@@ -57,7 +59,7 @@ def with_channels_set_right(task: Task, again: Again) -> tuple[Task, SetRight | 
     parts = tuple(part_tried(record, ALIGNED_ON) for record in task.records)
     job = replace(task.job, records=parts, surveys=(), memory_limit=None)
     tried = replace(task, records=parts, unseen=(), job=job)
-    every = (*channel_errors(task.model), *row_forces(task.model))
+    every = (*channel_errors(task.model), *row_forces(task.model), *link_forces(task.model, len(parts)))
     found = _come_to_rest(tried, again, every)
     if found is None:
         return task, None
@@ -68,7 +70,7 @@ def with_channels_set_right(task: Task, again: Again) -> tuple[Task, SetRight | 
         other = _come_to_rest(tried.changed(hold), again, every, found)
         if other is not None and other.misfit <= found.misfit + AS_LIKELY:
             found, task = replace(other, right=replace(other.right, held=held)), task.changed(hold)
-    return _corrected(task, found.known, task.model), found.right
+    return _corrected(task, found.known, found.task.model), found.right
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,9 +102,10 @@ def _come_to_rest(
         if changed is None:
             return None
         now = changed
+    rows = EffectRows(now.job, candidates)
     for done in range(ALIGNING_ROUNDS):
         try:
-            joint = joint_effects(now.job, candidates, tuple(known), rests)
+            joint = joint_effects(rows, tuple(known), rests)
         except (DataError, IdentifiabilityError):
             return None
         # a force stays in the rows, and is found anew each time
@@ -124,13 +127,14 @@ def _come_to_rest(
         if rests and doubtful:
             # it stood in for another one, and is not looked for again
             known = {one: size for one, size in known.items() if one is not doubtful[0]}
-            candidates = tuple(one for one in candidates if one.name != doubtful[0].name)
+            rows = rows.without(doubtful[0])
         if (not known and near is None) or any(runs_away(*one, task.records) for one in known.items()):
             return None
-        changed = again(_corrected(task, known, now.model))
-        if changed is None:
-            return None
-        now = changed
+        if any(not isinstance(one, RowForce) for one in (*known, *doubtful[: int(rests)])):
+            changed = again(_corrected(task, known, now.model))
+            if changed is None:
+                return None
+            now, rows = changed, EffectRows(changed.job, rows.effects)
         if rests and looked and not doubtful:
             return _Aligned(now, known, right, joint.fit.misfit)
     return None

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.diagnostics.noise_bias import noise_effect
 from modelgen.runtime.identification.elastic.channel_errors import (
     SetRight,
     resolved,
-    set_right,
-    tried_size,
+    runs_away,
 )
-from modelgen.runtime.identification.elastic.row_forces import RowForce, force_rows
-from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.methods import run_wls
+from modelgen.runtime.identification.elastic.effect_rows import EffectRows
 from modelgen.runtime.identification.thresholds import (
     ALIKE_PART,
     LARGE_PART,
@@ -29,13 +25,7 @@ from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.score_tests import Score, Span, scores
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.left_open.uncertain_turns import without_uncertain_turns
-from modelgen.runtime.rows.observation import Observation
-from modelgen.runtime.rows.record_rows import unmasked_rows
-from modelgen.runtime.rows.row_block import RowBlock
-from modelgen.runtime.rows.row_terms import mismatch_terms
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,35 +87,24 @@ def pulled_size(share: FloatArray, pull: FloatArray, own: FloatArray) -> float:
     return -float(share @ pull) / power if power > 0.0 else 0.0
 
 
-def joint_effects(
-    job: Job, candidates: Sequence[Effect], known: tuple[Effect, ...], rests: bool
-) -> JointEffects:
+def joint_effects(rows: EffectRows, known: Sequence[Effect], rests: bool) -> JointEffects:
     """Return the fit with the effects that are known, and those that rows show besides, one by one.
 
     What is large bends the rows, so that small ones seem to be off as well: while steps do not rest only what
     explains a large share of what is left is taken up.
     """
-    job = replace(job, late=())
-    fit = run_wls(job)[1]
-    names = {effect.name for effect in known}
-    every = (*known, *(effect for effect in candidates if effect.name not in names))
-    rows, base, chosen = _with_effects(job, fit, every), [*job.model.base_parameters], [*known]
-    plain = _solved(rows, base)
-    bias = noise_effect(job.model, job.records, job.choice, plain, seen=True).bias
-    R = plain.triangle[:-1, :-1]
-    pull = dict(zip(plain.columns, R.T @ (R @ np.where(np.isfinite(bias), bias, 0.0)), strict=True))
+    chosen, model = [*known], rows.job.model
+    forces = {actuator.key for actuator in model.actuators}
     while True:
-        fit = _solved(rows, [*base, *(effect.name for effect in chosen)])
-        pulls = np.array([pull.get(name, 0.0) for name in fit.columns])
+        fit = rows.solved(chosen)
         least = 0.0 if rests and (known or not chosen) else LARGE_PART
-        rest = [effect for effect in every if effect not in chosen]
-        told = [one for one in _shown(job, rows, fit, rest, pulls) if one.explained > least]
+        told = [one for one in _shown(rows, fit, chosen) if one.explained > least]
         # one channel tells the time of all others
-        late = sum(effect.kind == "delay" for effect in chosen) + 1 == len(job.model.channels)
+        late = sum(effect.kind == "delay" for effect in chosen) + 1 == len(model.channels)
         told = [one for one in told if not (late and one.effect.kind == "delay")]
         if not told:
-            return JointEffects(fit, tuple(chosen), pulls)
-        chosen.append(_first(told, {actuator.key for actuator in job.model.actuators}))
+            return JointEffects(fit, tuple(chosen), rows.pull(fit))
+        chosen.append(_first(told, forces))
 
 
 def _first(told: Sequence[Score], forces: Container[str]) -> Effect:
@@ -135,62 +114,17 @@ def _first(told: Sequence[Score], forces: Container[str]) -> Effect:
     return (*late, *equal)[0]
 
 
-def _solved(rows: Observation, names: Sequence[str]) -> Fit:
-    places = [rows.columns.index(name) for name in names]
-    blocks = tuple(block.chosen(places) for block in rows.blocks)
-    return fit_matched(replace(rows, columns=tuple(names), blocks=blocks))
-
-
-def _shown(
-    job: Job, rows: Observation, fit: Fit, rest: Sequence[Effect], pull: FloatArray
-) -> Iterator[Score]:
-    """Yield what is certain and matters of what a fit leaves, what explains most first.
-
-    `pull`, shape (c,), is what noise adds to the products of the columns with Y - W X.
-    """
-    used = {(block.record, block.row): block for block in rows.blocks}
-    blocks = [used[block.record, block.row] for block in fit.blocks]
-    grown = [tuple(block.W[:, rows.columns.index(one.name)] for block in blocks) for one in rest]
-    for one in scores(Span(fit), rest, grown, LEAST_ALIGNED_SHARE):
-        if one.matters and one.effect.possible(one.size) and resolved(one.effect, one.size, job.records):
+def _shown(rows: EffectRows, fit: Fit, chosen: Sequence[Effect]) -> Iterator[Score]:
+    """Yield what is certain and matters of what a fit leaves, what explains most first."""
+    rest, pull = [effect for effect in rows.effects if effect not in chosen], rows.pull(fit)
+    for one in scores(Span(fit), rest, rows.grown(fit, rest), LEAST_ALIGNED_SHARE):
+        if one.matters and one.effect.possible(one.size) and _within(one, rows.job.records):
             pulled = abs(float(one.move @ pull) / (one.size * one.power))
             if abs(one.size) - pulled > MORE_CERTAIN * one.least:
                 yield one
 
 
-def _with_effects(job: Job, fit: Fit, effects: Sequence[Effect]) -> Observation:
-    """Return the rows of a job with what each effect adds to them per unit as further columns."""
-    raw = replace(job, leave_open=False).observed(job.records, job.turns).dense()
-    terms = mismatch_terms(job.model, fit.all_parameters(job.model.base_parameters))
-    plain = [_mismatch(job, record, index, terms) for index, record in enumerate(job.records)]
-    grown = [list(_grown(job, effects, index, terms, plain[index])) for index in range(len(job.records))]
-
-    def extended(block: RowBlock) -> RowBlock:
-        more = [lines[block.row][block.place] for lines in grown[block.record]]
-        return replace(block.kept(), W=np.column_stack([block.W, *more]))
-
-    columns = (*raw.columns, *(effect.name for effect in effects))
-    rows = replace(raw, columns=columns, blocks=tuple(extended(block) for block in raw.blocks))
-    if not job.leave_open:
-        return rows
-    return without_uncertain_turns(rows, job.model, job.records, job.choice, job.drop, job.turns)
-
-
-def _grown(
-    job: Job, effects: Sequence[Effect], index: int, terms: Sequence[dict[str, float]], plain: FloatArray
-) -> Iterator[FloatArray]:
-    """Yield how Y - W X of a record grows per unit of each effect, shape (rows, grid)."""
-    record, factor = job.records[index], job.choice.decimation[index]
-    for effect in effects:
-        if isinstance(effect, RowForce):
-            yield force_rows(effect, job.model, record, job.choice, factor, job.drop)
-            continue
-        size = tried_size(effect, record)
-        moved = set_right(job.model, record, index, {effect: size})
-        # a record set right by so much lacks it
-        yield (plain - _mismatch(job, moved, index, terms)) / size
-
-
-def _mismatch(job: Job, record: Record, index: int, terms: Sequence[dict[str, float]]) -> FloatArray:
-    rows = unmasked_rows(job.model, record, job.choice, job.choice.decimation[index], job.drop)
-    return rows.mixed(terms)
+def _within(score: Score, records: Sequence[Record]) -> bool:
+    """Tell whether a size is more than channels resolve, and no more than a mistake makes."""
+    effect, size = score.effect, score.size
+    return resolved(effect, size, records) and not runs_away(effect, size, records)

@@ -95,7 +95,7 @@ def _frictions(joint: str, speed: Made) -> Iterator[RowForce]:
     for kind, made in (("Coulomb", sign), ("viscous", speed)):
         words = f"there is {kind} {where}"
         yield RowForce(
-            f"{kind} friction at link {joint}", "force", words, "", remedy, _none, acts=rows, made=made
+            f"{kind} friction at link {joint}", "force", words, "", remedy, nothing, acts=rows, made=made
         )
 
 
@@ -110,13 +110,14 @@ def _springs(joint: str, rows: list[str], deflection: Made) -> Iterator[RowForce
 
     stiff, soft = (f"the spring of joint {joint} {way} as it deflects" for way in ("stiffens", "softens"))
     remedy = "let the file have stiffness3 = true there"
-    yield RowForce(f"cube of spring {joint}", "form", stiff, soft, remedy, _none, acts=acts, made=cube)
+    yield RowForce(f"cube of spring {joint}", "form", stiff, soft, remedy, nothing, acts=acts, made=cube)
     words = f"joint {joint} has play: its spring gives a constant less than it would, either way"
     remedy = "load the joint one way, or remove the play"
-    yield RowForce(f"play of joint {joint}", "form", words, "", remedy, _none, acts=acts, made=play)
+    yield RowForce(f"play of joint {joint}", "form", words, "", remedy, nothing, acts=acts, made=play)
 
 
-def _none(simulated: object) -> Mapping[str, FloatArray]:
+def nothing(simulated: object) -> Mapping[str, FloatArray]:
+    """Return what a force of rows changes in channels."""
     return {}
 
 

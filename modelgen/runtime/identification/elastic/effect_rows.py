@@ -1,0 +1,128 @@
+"""Rows of an elastic arm with what each effect adds to them as further columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.diagnostics.noise_bias import noise_effect
+from modelgen.runtime.identification.elastic.channel_errors import set_right, tried_size
+from modelgen.runtime.identification.elastic.link_forces import LinkForce, LinksInMotion
+from modelgen.runtime.identification.elastic.row_forces import RowForce, force_rows
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import run_wls
+from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.wls import fit_matched
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.left_open.uncertain_turns import without_uncertain_turns
+from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.record_rows import RecordRows, unmasked_rows
+from modelgen.runtime.rows.row_block import RowBlock
+from modelgen.runtime.rows.row_terms import mismatch_terms
+
+
+@dataclass(frozen=True, eq=False)
+class EffectRows:
+    """Rows of the records of a job, and what effects add to Y - W X per unit of each."""
+
+    job: Job
+    effects: tuple[Effect, ...]
+
+    def solved(self, effects: Sequence[Effect]) -> Fit:
+        """Return the fit of base parameters and sizes of effects, which are its last columns."""
+        names = [*self.job.model.base_parameters, *(effect.name for effect in effects)]
+        places = [self.rows.columns.index(name) for name in names]
+        blocks = tuple(block.chosen(places) for block in self.rows.blocks)
+        return fit_matched(replace(self.rows, columns=tuple(names), blocks=blocks))
+
+    def without(self, effect: Effect) -> EffectRows:
+        """Return the same rows without the column of an effect, and of others of its name."""
+        left = EffectRows(self.job, tuple(one for one in self.effects if one.name != effect.name))
+        for made in ("rows", "_pull"):
+            if made in vars(self):
+                vars(left)[made] = vars(self)[made]
+        return left
+
+    def grown(self, fit: Fit, effects: Sequence[Effect]) -> list[tuple[FloatArray, ...]]:
+        """Return how Y - W X grows per unit of each effect, shape (rows,) a block of a fit of these rows."""
+        used = {(block.record, block.row): block for block in self.rows.blocks}
+        blocks = [used[block.record, block.row] for block in fit.blocks]
+        places = [self.rows.columns.index(one.name) for one in effects]
+        return [tuple(block.W[:, place] for block in blocks) for place in places]
+
+    def pull(self, fit: Fit) -> FloatArray:
+        """Return what noise adds to the products of a fit's columns with Y - W X, shape (c,)."""
+        return np.array([self._pull.get(name, 0.0) for name in fit.columns])
+
+    @cached_property
+    def _pull(self) -> dict[str, float]:
+        plain, job = self.solved(()), self.job
+        bias = noise_effect(job.model, job.records, job.choice, plain, seen=True).bias
+        R = plain.triangle[:-1, :-1]
+        pull = R.T @ (R @ np.where(np.isfinite(bias), bias, 0.0))
+        return dict(zip(plain.columns, pull.tolist(), strict=True))
+
+    @cached_property
+    def rows(self) -> Observation:
+        """Rows with a column for each effect behind those of base parameters."""
+        job = replace(self.job, late=())
+        point = run_wls(job)[1].all_parameters(job.model.base_parameters)
+        raw = replace(job, leave_open=False).observed(job.records, job.turns).dense()
+        grown = [list(_grown(job, self.effects, index, point)) for index in range(len(job.records))]
+
+        def extended(block: RowBlock) -> RowBlock:
+            more = [lines[block.row][block.place] for lines in grown[block.record]]
+            return replace(block.kept(), W=np.column_stack([block.W, *more]))
+
+        columns = (*raw.columns, *(effect.name for effect in self.effects))
+        rows = replace(raw, columns=columns, blocks=tuple(extended(block) for block in raw.blocks))
+        if not job.leave_open:
+            return rows
+        return without_uncertain_turns(rows, job.model, job.records, job.choice, job.drop, job.turns)
+
+
+def _grown(job: Job, effects: Sequence[Effect], index: int, point: FloatArray) -> Iterator[FloatArray]:
+    """Yield how Y - W X of a record grows per unit of each effect, shape (rows, grid).
+
+    `point` are base parameters, shape (columns,), in SI.
+    """
+    record, model = job.records[index], _without_slopes(job.model)
+    terms = [
+        {key: weight for key, weight in one.items() if model.kernel is None or key not in _slopes(job.model)}
+        for one in mismatch_terms(model, point)
+    ]
+
+    def rows_of(changed: Record) -> RecordRows:
+        return unmasked_rows(model, changed, job.choice, job.choice.decimation[index], job.drop)
+
+    plain = rows_of(record).mixed(terms)
+    links = LinksInMotion(rows_of(record), record, index, point)
+    for effect in effects:
+        if isinstance(effect, LinkForce):
+            yield links.grown(effect)
+        elif isinstance(effect, RowForce):
+            yield force_rows(effect, job.model, record, job.choice, job.choice.decimation[index], job.drop)
+        else:
+            size = tried_size(effect, record)
+            # a record set right by so much lacks it
+            moved = set_right(job.model, record, index, {effect: size})
+            yield (plain - rows_of(moved).mixed(terms)) / size
+
+
+def _without_slopes(model: Model) -> Model:
+    """Return a model without what given positions change rows by: about the estimate that is zero."""
+    kernel = model.kernel
+    return replace(model, kernel=replace(kernel, rows=())) if isinstance(kernel, DeflectedKernel) else model
+
+
+def _slopes(model: Model) -> frozenset[str]:
+    """Return the keys of what that leaves out."""
+    plain = _without_slopes(model).kernel
+    return frozenset(model.kernel.keys if model.kernel else ()) - frozenset(plain.keys if plain else ())

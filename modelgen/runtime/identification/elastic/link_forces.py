@@ -1,0 +1,230 @@
+"""Forces of links that rows of an elastic arm lack: other lengths, another direction of gravity, loads.
+
+What such links need beyond what the file's need, at the motion of the record, is a column: lengths and
+directions are changed a little, and a load is there in one record only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.identification.elastic.row_forces import RowForce, nothing
+from modelgen.runtime.iv.effect import LENGTH, TILT
+from modelgen.runtime.model.arm_channels import moving_joints
+from modelgen.runtime.model.arm_functions import base_factors
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.record_rows import RecordRows
+from modelgen.runtime.simulation.arms.arm_coordinates import reading_of
+from modelgen.runtime.simulation.arms.placed_links import OF_LINK, PlacedLinks, placed_links
+
+# Lengths in m, and accelerations in m/s^2, that are small against those of arms and large against rounding.
+TRIED_LENGTH, TRIED_GRAVITY = 1e-6, 1e-3
+# Offsets in m below that are none.
+NO_LENGTH = 1e-9
+
+#: Parameters of links, (joints, 10), and motion, (3, moving, N), to what joints exert, (moving, N); in SI.
+Needed = Callable[[FloatArray, FloatArray], FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class LinkForce(RowForce):
+    """What links need at all joints, and rows of links lack, per unit of its size."""
+
+    needed: Needed = lambda links, motion: motion[0]
+
+
+class LinksInMotion:
+    """The links of a record in motion, and how Y - W X grows with what they need besides."""
+
+    def __init__(self, rows: RecordRows, record: Record, index: int, point: FloatArray) -> None:
+        """Take all rows of the `index`-th record, and base parameters, shape (columns,), in SI."""
+        self.rows, self.record, self.index, self._point = rows, record, index, point
+        self.model = rows.plan.model
+
+    def grown(self, effect: LinkForce) -> FloatArray:
+        """Return how Y - W X grows per unit of an effect, shape (rows, grid)."""
+        joints, names = moving_joints(self.model.module), [row.name for row in self.model.rows]
+        found = np.zeros((len(names), len(self.rows.grid)))
+        if effect.record not in (None, self.index):
+            return found
+        forces = effect.needed(self._links, self.motion)
+        pushed = {
+            f"tau_{one}": self._with_motor(one, force) for one, force in zip(joints, forces, strict=True)
+        }
+        passed = replace(self.rows, source=self.record.edited(pushed)).mixed([{key: 1.0} for key in pushed])
+        for joint, line in zip(joints, passed, strict=True):
+            row = f"{joint} link" if f"{joint} link" in names else joint
+            if row in names:
+                found[names.index(row)] = line
+        return found
+
+    @cached_property
+    def _links(self) -> FloatArray:
+        """Parameters of links in SI, shape (joints, 10).
+
+        They are the smallest that give the base parameters: what others change besides is a sum of columns.
+        """
+        placed, names, module = _placed(self.model), self.model.parameters, self.model.module
+        factors, known = base_factors(self.model.base_from_physical, names)
+        values = np.linalg.lstsq(factors, self._point - known, rcond=None)[0]
+        return placed.links({**module.KNOWN, **dict(zip(names, values.tolist(), strict=True))})
+
+    @cached_property
+    def motion(self) -> FloatArray:
+        """Positions, speeds and accelerations of links, shape (3, moving, N)."""
+        (chunk,) = replace(self.rows, samples=len(self.rows.grid) * self.rows.plan.filtering.factor).chunks()
+        signals = chunk.plan.kernel_signals(chunk, 0, self.record.n)
+        reads = link_readings(self.model)
+        turn = np.linalg.pinv(np.array([*reads.values()]))[: len(moving_joints(self.model.module))]
+        read = [[signals[order + key] for key in reads] for order in ("", "d1_", "d2_")]
+        return np.array([turn @ np.array(one) for one in read])
+
+    def _with_motor(self, joint: str, force: FloatArray) -> FloatArray:
+        """Return a force of a link, shape (N,), with what the motor needs as it deflects the spring.
+
+        That of a motor which no sensor sees is where the link's forces put it.
+        """
+        given = getattr(self.model.module, "ESTIMATED", {})
+        if f"{joint} driven" not in given.values():
+            return force
+        stiffness, inertia, viscous = (self._of(joint, role) for role in ("stiffness", "inertia", "viscous"))
+        rate = np.gradient(force, 1.0 / self.record.fs)
+        rising = np.gradient(rate, 1.0 / self.record.fs)
+        return force + (inertia * rising + viscous * rate) / stiffness
+
+    def _of(self, joint: str, role: str) -> float:
+        """Return the value of a drive's parameter in SI; 0 where it is none of its own."""
+        names = [name for name, one in self.model.roles.items() if one.role == role and joint in one.bodies]
+        places = [self.model.base_parameters.index(one) for one in names if one in self.model.base_parameters]
+        return float(self._point[places[0]]) if places else 0.0
+
+
+def link_forces(model: Model, records: int) -> Iterator[LinkForce]:
+    """Yield what may be off in the links of an elastic arm, where all rows are told by forces."""
+    placed = placed_links(model.module) if model.kernel is not None else None
+    if placed is None or not _told_by_forces(model):
+        return
+    yield from _lengths(placed)
+    yield from _tilts(placed, model)
+    yield from _loads(placed, records)
+
+
+def link_readings(model: Model) -> dict[str, FloatArray]:
+    """Return what encoders, and rows in their place, read of links and motors, shape (coordinates,) each."""
+    module = model.module
+    joints = tuple(moving_joints(module))
+    driven = tuple(range(len(joints), 2 * len(joints)))
+    return {
+        one["key"]: reading_of(
+            one["joint"], one["side"], module.TRANSMISSION, joints, driven, 2 * len(joints)
+        )
+        for one in module.SENSORS
+        if one["measures"] == "position"
+    }
+
+
+def _told_by_forces(model: Model) -> bool:
+    """Tell whether all joints are springs, links are read or given, and no sensor feels accelerations."""
+    joints = moving_joints(model.module)
+    sprung = {role.bodies[0] for role in model.roles.values() if role.role == "stiffness"}
+    felt = any(one["measures"] in ("accelerometer", "acceleration") for one in model.module.SENSORS)
+    reads = np.array([*link_readings(model).values()])
+    # every link is a sum of what is read
+    seen = bool(reads.size) and np.allclose(
+        (np.linalg.pinv(reads) @ reads)[: len(joints), : len(joints)], np.eye(len(joints))
+    )
+    # rows of motors that move several joints hold shares of what their links need
+    own = model.module.ROW_KIND == "joint" or {f"{one} link" for one in joints} <= {
+        row.name for row in model.rows
+    }
+    return seen and not felt and own and sprung >= {*joints}
+
+
+def _placed(model: Model) -> PlacedLinks:
+    found = placed_links(model.module)
+    assert found is not None  # such effects were found in it
+    return found
+
+
+def _lengths(placed: PlacedLinks) -> Iterator[LinkForce]:
+    """Yield that the frame of a joint is elsewhere in that of the joint before it, along what offsets it."""
+    for place, (joint, parent) in enumerate(zip(placed.joints, placed.parents, strict=True)):
+        if parent < 0:
+            continue  # where an arm stands changes nothing
+        for axis in np.flatnonzero(np.abs(joint.placement[:3, 3]) > NO_LENGTH).tolist():
+            frame = joint.placement.copy()
+            frame[axis, 3] += TRIED_LENGTH
+            moved = replace(joint, placement=frame)
+            changed = replace(placed, joints=(*placed.joints[:place], moved, *placed.joints[place + 1 :]))
+            along, before = "xyz"[axis], placed.joints[parent].name
+            where = f"joint {joint.name} is off along {along} of the frame of joint {before}"
+            remedy = "measure that length, and put it right in the file"
+            name = f"offset of joint {joint.name} along {along}"
+            yield _link_force(name, LENGTH, where, remedy, _difference(placed, changed, TRIED_LENGTH))
+
+
+def _tilts(placed: PlacedLinks, model: Model) -> Iterator[LinkForce]:
+    """Yield that gravity has a part across the file's, and that links feel it which the file's spares."""
+    size = float(np.linalg.norm(placed.gravity))
+    if not size:
+        return
+    across = np.linalg.svd(placed.gravity[None])[2][1:]
+    words = "gravity is not along the direction that the file says (the arm is mounted crooked)"
+    remedy = "level the base, or put gravity right in the file"
+    for number, axis in enumerate(across, start=1):
+        changed = replace(placed, gravity=placed.gravity + TRIED_GRAVITY * axis)
+        needed = _difference(placed, changed, TRIED_GRAVITY / size)
+        yield _link_force(f"gravity across, {number}", TILT, words, remedy, needed)
+        for name, unseen in _unseen(placed, model) if number == 1 else ():
+            effect = _link_force(f"gravity across, {name}", "form", words, remedy, _of_links(needed, unseen))
+            yield effect
+
+
+def _unseen(placed: PlacedLinks, model: Model) -> Iterator[tuple[str, FloatArray]]:
+    """Yield names of first moments that no row holds, and links that have one of them, shape (joints, 10)."""
+    factors = base_factors(model.base_from_physical, model.parameters)[0]
+    for name, column in zip(model.parameters, factors.T, strict=True):
+        links = placed.links({name: 1.0})
+        if not column.any() and links[:, 6:9].any():
+            yield name, links
+
+
+def _loads(placed: PlacedLinks, records: int) -> Iterator[LinkForce]:
+    """Yield that the last link carries something in one of several records."""
+    last = len(placed.joints) - 1
+    for record in range(1, records):
+        words = (
+            f"link {placed.joints[last].name} carries another load in record {record + 1} than in record 1"
+        )
+        remedy = "let the file name it ([payload.NAME]), and say which record carries it (Record.carrying)"
+        for column, name in enumerate(OF_LINK):
+            load = np.zeros((last + 1, len(OF_LINK)))
+            load[last, column] = 1.0
+            own = _link_force(
+                f"{name} of the load in record {record + 1}",
+                "form",
+                words,
+                remedy,
+                _of_links(placed.forces, load),
+            )
+            yield replace(own, record=record)
+
+
+def _link_force(name: str, kind: str, words: str, remedy: str, needed: Needed) -> LinkForce:
+    return LinkForce(name, kind, words, words, remedy, nothing, needed=needed)
+
+
+def _difference(placed: PlacedLinks, changed: PlacedLinks, step: float) -> Needed:
+    """Return what links need besides where they are elsewhere, per unit of a size that is `step` there."""
+    return lambda links, motion: (changed.forces(links, motion) - placed.forces(links, motion)) / step
+
+
+def _of_links(needed: Needed, links: FloatArray) -> Needed:
+    """Return what links of given parameters, shape (joints, 10) in SI, need."""
+    return lambda others, motion: needed(links, motion)
