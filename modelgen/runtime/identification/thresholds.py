@@ -229,7 +229,11 @@ TRIED_SAMPLES, TRIED_GAIN, TRIED_ZERO, MOST_ALIGNED_SAMPLES = 0.05, 1e-4, 1e-5, 
 # A late position is nearly a damper and friction times a large stiffness: of its rows, as a share of their
 # power, so little that is none of the columns is told from rounding of small differences.
 LEAST_ALIGNED_SHARE = 1e-7
-# A gear off by more than this share is no mistake of a file: what bends rows as much is something else.
+# Where all that tells two explanations apart is this many deviations of the better one, rows do not.
+# What explains this share of what another one does is the same to rows.
+AS_CERTAIN, SAME_PART = 3.0, 0.999
+# A gear, a length or an angle off by more than this share is no mistake of a file: what bends rows as much is
+# something else.
 MOST_ALIGNED_GAIN = 0.2
 # A delay of so many samples is less than rows resolve, and so is such a gain.
 LEAST_ALIGNED_SAMPLES, LEAST_ALIGNED_GAIN = 0.02, 1e-5

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,6 +41,14 @@ def _told_holds(keys: Sequence[str]) -> Advice:
     return Advice("more than the model", "the residual", what, f"say so ({options})")
 
 
+class Instead(NamedTuple):
+    """What explains rows as well as what was found: its size, and by how much X would be another, by name."""
+
+    effect: Effect
+    size: float
+    move: Mapping[str, float]
+
+
 @dataclass(frozen=True, eq=False)
 class SetRight:
     """What was set right in the channels of some records.
@@ -55,6 +64,8 @@ class SetRight:
         Of the sizes.
     held : tuple of str
         Forces that are commands which a drive holds from sample to sample.
+    others : tuple of tuple of Instead
+        What explains the rows as well as each effect.
     """
 
     columns: tuple[str, ...]
@@ -63,6 +74,7 @@ class SetRight:
     moves: FloatArray
     covariance: FloatArray
     held: tuple[str, ...] = ()
+    others: tuple[tuple[Instead, ...], ...] = ()
 
     @property
     def changes_records(self) -> bool:
@@ -73,10 +85,14 @@ class SetRight:
     def advice(self) -> tuple[Advice, ...]:
         """What is said of the channels."""
         told = tuple(
-            (left if isinstance(effect, RowForce) else estimated)(effect, size, ())
+            (left if isinstance(effect, RowForce) else estimated)(effect, size, self._instead_of(effect))
             for effect, size in _one_a_cause(self.effects, self.sizes)
         )
         return (_told_holds(self.held), *told) if self.held else told
+
+    def _instead_of(self, effect: Effect) -> list[tuple[Effect, float]]:
+        every = dict(zip(self.effects, self.others, strict=False)).get(effect, ())
+        return [(one.effect, one.size) for one in every]
 
     def drift(self, fit: Fit) -> FloatArray:
         """Return what the uncertainty of the sizes moves, as a mean square in SI, shape (c, c).
@@ -92,7 +108,9 @@ class SetRight:
             size * isinstance(one, RowForce) for one, size in zip(self.effects, self.sizes, strict=True)
         ]
         sizes = self.covariance + np.outer(lacking, lacking)
-        return np.asarray(moves @ sizes @ moves.T)
+        instead = [[one.move.get(name, 0.0) for name in fit.columns] for own in self.others for one in own]
+        beyond = np.array(instead).reshape(len(instead), len(fit.columns))
+        return np.asarray(moves @ sizes @ moves.T + beyond.T @ beyond)
 
 
 def _one_a_cause(effects: Sequence[Effect], sizes: Sequence[float]) -> Iterator[tuple[Effect, float]]:
@@ -164,6 +182,8 @@ def set_right(model: Model, record: Record, index: int, sizes: Mapping[Effect, f
 
 def runs_away(effect: Effect, size: float, records: Sequence[Record]) -> bool:
     """Tell whether a delay is too long for the channels of one record, or a gear is another machine's."""
+    if isinstance(effect, RowForce):
+        return abs(size) > effect.most
     if effect.kind == "gain":
         return abs(size) > MOST_ALIGNED_GAIN
     late = size * max(record.fs for record in records) if effect.kind == "delay" else 0.0

@@ -30,10 +30,18 @@ from modelgen.runtime.rows.row_terms import mismatch_terms
 
 @dataclass(frozen=True, eq=False)
 class EffectRows:
-    """Rows of the records of a job, and what effects add to Y - W X per unit of each."""
+    """Rows of the records of a job, and what effects add to Y - W X per unit of each.
+
+    They add that at base parameters `point`, shape (columns,), in SI; by default those of least squares.
+    """
 
     job: Job
     effects: tuple[Effect, ...]
+    point: FloatArray | None = None
+
+    def about(self, fit: Fit) -> EffectRows:
+        """Return the same at the base parameters of a fit, which knows of effects."""
+        return EffectRows(self.job, self.effects, fit.all_parameters(self.job.model.base_parameters))
 
     def solved(self, effects: Sequence[Effect]) -> Fit:
         """Return the fit of base parameters and sizes of effects, which are its last columns."""
@@ -44,7 +52,7 @@ class EffectRows:
 
     def without(self, effect: Effect) -> EffectRows:
         """Return the same rows without the column of an effect, and of others of its name."""
-        left = EffectRows(self.job, tuple(one for one in self.effects if one.name != effect.name))
+        left = replace(self, effects=tuple(one for one in self.effects if one.name != effect.name))
         for made in ("rows", "_pull"):
             if made in vars(self):
                 vars(left)[made] = vars(self)[made]
@@ -73,7 +81,9 @@ class EffectRows:
     def rows(self) -> Observation:
         """Rows with a column for each effect behind those of base parameters."""
         job = replace(self.job, late=())
-        point = run_wls(job)[1].all_parameters(job.model.base_parameters)
+        point = self.point
+        if point is None:
+            point = run_wls(job)[1].all_parameters(job.model.base_parameters)
         raw = replace(job, leave_open=False).observed(job.records, job.turns).dense()
         grown = [list(_grown(job, self.effects, index, point)) for index in range(len(job.records))]
 

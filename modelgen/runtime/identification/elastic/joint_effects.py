@@ -10,19 +10,23 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.identification.elastic.channel_errors import (
+    Instead,
     SetRight,
     resolved,
     runs_away,
 )
 from modelgen.runtime.identification.elastic.effect_rows import EffectRows
+from modelgen.runtime.identification.elastic.row_forces import RowForce
 from modelgen.runtime.identification.thresholds import (
     ALIKE_PART,
+    AS_CERTAIN,
     LARGE_PART,
     LEAST_ALIGNED_SHARE,
     MORE_CERTAIN,
+    SAME_PART,
 )
 from modelgen.runtime.iv.effect import Effect
-from modelgen.runtime.iv.score_tests import Score, Span, scores
+from modelgen.runtime.iv.score_tests import Score, Span, scores, stacked
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.records.record import Record
@@ -32,12 +36,17 @@ from modelgen.runtime.records.record import Record
 class JointEffects:
     """A fit of base parameters and of further sizes of effects, which are its last columns.
 
-    `pull`, shape (c,), is what noise of the sensors adds to the products of its columns with Y - W X.
+    It is one of `rows`.
     """
 
     fit: Fit
     effects: tuple[Effect, ...]
-    pull: FloatArray
+    rows: EffectRows
+
+    @property
+    def pull(self) -> FloatArray:
+        """What noise of the sensors adds to the products of the columns with Y - W X, shape (c,)."""
+        return self.rows.pull(self.fit)
 
     def step(self, effect: Effect) -> tuple[float, float]:
         """Return the further size of an effect, and its standard deviation, with what noise pulls it by."""
@@ -68,7 +77,32 @@ class JointEffects:
         pulled = np.array([self._pulled(place) for place in last])
         covariance = self._covariance[np.ix_(last, last)] + np.outer(pulled, pulled)
         columns = tuple(self.fit.columns[place] for place in own)
-        return SetRight(columns, tuple(known), tuple(known.values()), moves, covariance)
+        others = tuple(self._others(effect, known) for effect in known)
+        return SetRight(columns, tuple(known), tuple(known.values()), moves, covariance, others=others)
+
+    def _others(self, effect: Effect, known: Mapping[Effect, float]) -> tuple[Instead, ...]:
+        """Return what explains the rows as well as an effect does, in its place."""
+        fit = self.rows.solved([one for one in known if one is not effect])
+        span = Span(fit)
+        rest = [one for one in self.rows.effects if one not in known and one.words != effect.words]
+        grown = self.rows.grown(fit, [effect, *rest])
+        # channels are set right already, forces are still in the rows
+        absorbed = 0.0 if isinstance(effect, RowForce) else known[effect]
+        left = span.left + absorbed * span.apart(stacked(fit, grown[0]))
+        told = span.compared(grown, left)
+        size = told.along / np.maximum(told.power, np.finfo(float).tiny)
+        # shares of what the effect explains, and how certain it is of what the others leave
+        share = size**2 * told.power / (size[0] ** 2 * told.power[0])
+        share[told.power <= LEAST_ALIGNED_SHARE * told.whole] = 0.0
+        std = self.step(effect)[1]
+        apart = np.abs(size[0]) * np.sqrt(np.maximum(1.0 - share, 0.0))
+        found = []
+        for place in np.flatnonzero((share > ALIKE_PART) & (apart < AS_CERTAIN * std)).tolist()[1:]:
+            one, own = rest[place - 1], float(size[place])
+            if one.possible(own) and _within(one, own, self.rows.job.records):
+                move = told.share[:, 0] * size[0] - told.share[:, place] * own
+                found.append(Instead(one, own, dict(zip(fit.columns, move.tolist(), strict=True))))
+        return tuple(found)
 
 
 def pulled_size(share: FloatArray, pull: FloatArray, own: FloatArray) -> float:
@@ -103,12 +137,20 @@ def joint_effects(rows: EffectRows, known: Sequence[Effect], rests: bool) -> Joi
         late = sum(effect.kind == "delay" for effect in chosen) + 1 == len(model.channels)
         told = [one for one in told if not (late and one.effect.kind == "delay")]
         if not told:
-            return JointEffects(fit, tuple(chosen), rows.pull(fit))
+            return JointEffects(fit, tuple(chosen), rows)
         chosen.append(_first(told, forces))
+        if told[0].explained > LARGE_PART:
+            # what it hid from least squares, as a spring, is in its column
+            rows = rows.about(rows.solved(chosen))
 
 
 def _first(told: Sequence[Score], forces: Container[str]) -> Effect:
-    """Return what explains most; of what explains as much, that a force is late."""
+    """Return what explains most; of what explains as much, that a force is late.
+
+    Where a spring is always loaded one way its play is the zero of an encoder, which can be set right.
+    """
+    same = [one for one in told if one.explained > SAME_PART * told[0].explained]
+    told = [*(one for one in same if not isinstance(one.effect, RowForce)), *told]
     equal = [one.effect for one in told if one.explained > ALIKE_PART * told[0].explained]
     late = [effect for effect in equal if effect.kind == "delay" and effect.channel in forces]
     return (*late, *equal)[0]
@@ -118,13 +160,12 @@ def _shown(rows: EffectRows, fit: Fit, chosen: Sequence[Effect]) -> Iterator[Sco
     """Yield what is certain and matters of what a fit leaves, what explains most first."""
     rest, pull = [effect for effect in rows.effects if effect not in chosen], rows.pull(fit)
     for one in scores(Span(fit), rest, rows.grown(fit, rest), LEAST_ALIGNED_SHARE):
-        if one.matters and one.effect.possible(one.size) and _within(one, rows.job.records):
+        if one.matters and one.effect.possible(one.size) and _within(one.effect, one.size, rows.job.records):
             pulled = abs(float(one.move @ pull) / (one.size * one.power))
             if abs(one.size) - pulled > MORE_CERTAIN * one.least:
                 yield one
 
 
-def _within(score: Score, records: Sequence[Record]) -> bool:
+def _within(effect: Effect, size: float, records: Sequence[Record]) -> bool:
     """Tell whether a size is more than channels resolve, and no more than a mistake makes."""
-    effect, size = score.effect, score.size
     return resolved(effect, size, records) and not runs_away(effect, size, records)

@@ -14,6 +14,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.identification.elastic.row_forces import RowForce, nothing
+from modelgen.runtime.identification.thresholds import MOST_ALIGNED_GAIN
 from modelgen.runtime.iv.effect import LENGTH, TILT
 from modelgen.runtime.model.arm_channels import moving_joints
 from modelgen.runtime.model.arm_functions import base_factors
@@ -166,7 +167,9 @@ def _lengths(placed: PlacedLinks) -> Iterator[LinkForce]:
             where = f"joint {joint.name} is off along {along} of the frame of joint {before}"
             remedy = "measure that length, and put it right in the file"
             name = f"offset of joint {joint.name} along {along}"
-            yield _link_force(name, LENGTH, where, remedy, _difference(placed, changed, TRIED_LENGTH))
+            most = MOST_ALIGNED_GAIN * abs(float(joint.placement[axis, 3]))
+            needed = _difference(placed, changed, TRIED_LENGTH)
+            yield _link_force(name, LENGTH, where, remedy, needed, most)
 
 
 def _tilts(placed: PlacedLinks, model: Model) -> Iterator[LinkForce]:
@@ -180,7 +183,7 @@ def _tilts(placed: PlacedLinks, model: Model) -> Iterator[LinkForce]:
     for number, axis in enumerate(across, start=1):
         changed = replace(placed, gravity=placed.gravity + TRIED_GRAVITY * axis)
         needed = _difference(placed, changed, TRIED_GRAVITY / size)
-        yield _link_force(f"gravity across, {number}", TILT, words, remedy, needed)
+        yield _link_force(f"gravity across, {number}", TILT, words, remedy, needed, MOST_ALIGNED_GAIN)
         for name, unseen in _unseen(placed, model) if number == 1 else ():
             effect = _link_force(f"gravity across, {name}", "form", words, remedy, _of_links(needed, unseen))
             yield effect
@@ -216,8 +219,10 @@ def _loads(placed: PlacedLinks, records: int) -> Iterator[LinkForce]:
             yield replace(own, record=record)
 
 
-def _link_force(name: str, kind: str, words: str, remedy: str, needed: Needed) -> LinkForce:
-    return LinkForce(name, kind, words, words, remedy, nothing, needed=needed)
+def _link_force(
+    name: str, kind: str, words: str, remedy: str, needed: Needed, most: float = np.inf
+) -> LinkForce:
+    return LinkForce(name, kind, words, words, remedy, nothing, most=most, needed=needed)
 
 
 def _difference(placed: PlacedLinks, changed: PlacedLinks, step: float) -> Needed:

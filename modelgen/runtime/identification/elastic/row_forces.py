@@ -30,10 +30,13 @@ class RowForce(Effect):
         How often it is in Y - W X of each row, by name.
     made : callable
         (record, filters) -> the force per unit of its size, shape (n,).
+    most : float
+        The largest size that a mistake makes.
     """
 
     acts: Mapping[str, float] = field(default_factory=dict)
     made: Made = lambda record, choice: np.zeros(record.n)
+    most: float = np.inf
 
 
 def row_forces(model: Model) -> Iterator[RowForce]:

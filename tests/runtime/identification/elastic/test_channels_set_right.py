@@ -12,9 +12,15 @@ import pytest
 from modelgen import identify
 from modelgen.render.arms.arm_writer import arm_module
 from modelgen.runtime.identification.elastic import channels_set_right
-from modelgen.runtime.identification.elastic.channel_errors import SetRight, by_half, channel_errors, gears
+from modelgen.runtime.identification.elastic.channel_errors import (
+    Instead,
+    SetRight,
+    by_half,
+    channel_errors,
+    gears,
+)
 from modelgen.runtime.identification.elastic.joint_effects import pulled_size
-from modelgen.runtime.iv.model_errors import delay_effect
+from modelgen.runtime.iv.model_errors import delay_effect, zero_effect
 from modelgen.runtime.least_squares.time_shifts import shift
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.records.record import Record
@@ -101,6 +107,16 @@ def test_a_channel_that_is_off_is_named_and_set_right(case: str) -> None:
     assert np.max(np.abs(z)) < 3.5
 
 
+def test_what_hides_a_spring_is_found_at_the_spring_that_it_hides() -> None:
+    model, read, truth = made()
+    # a stiff spring hardly deflects: one of the encoders' zeros is many times that
+    moved = read | {"motor_position_1": read["motor_position_1"] + 30.0 * 0.1}
+    estimate = estimated(model, moved)
+    (said,) = told(estimate)
+    assert "motor_position_1 has a zero of its own (+3)" in said
+    assert np.max(np.abs(errors(estimate, truth))) < 3.5
+
+
 def test_a_right_record_has_nothing_set_right() -> None:
     model, read, truth = made()
     estimate = estimated(model, read)
@@ -167,3 +183,16 @@ def test_of_a_long_record_the_middle_is_looked_at(monkeypatch: pytest.MonkeyPatc
     (said,) = told(estimate)
     assert "tau_1 is late" in said
     assert np.max(np.abs(errors(estimate, truth))) < 4.0
+
+
+def test_what_explains_the_rows_as_well_is_said_and_held() -> None:
+    zero, late = (make("tau_1") for make in (lambda key: zero_effect(key, None, 1), delay_effect))
+    instead = Instead(late, 1e-3, {"K_1": 3.0, "D_1": -4.0})
+    right = SetRight(
+        ("K_1", "D_1"), (zero,), (0.1,), np.zeros((2, 1)), np.zeros((1, 1)), others=((instead,),)
+    )
+    (said,) = right.advice
+    assert "zero of its own (+0.1)" in said.what
+    assert "or tau_1 is late by 1e+03 us: the intervals hold for either" in said.what
+    fit: Any = SimpleNamespace(columns=("D_1", "K_1"))
+    assert np.array_equal(right.drift(fit), [[16.0, -12.0], [-12.0, 9.0]])
