@@ -109,11 +109,11 @@ def test_a_channel_that_is_off_is_named_and_set_right(case: str) -> None:
 
 def test_what_hides_a_spring_is_found_at_the_spring_that_it_hides() -> None:
     model, read, truth = made()
-    # a stiff spring hardly deflects: one of the encoders' zeros is many times that
-    moved = read | {"motor_position_1": read["motor_position_1"] + 30.0 * 0.1}
-    estimate = estimated(model, moved)
+    # least squares makes the spring many times too soft; the other motor moves both joints
+    estimate = estimated(model, read | {"motor_position_1": read["motor_position_1"] + 15.0})
     (said,) = told(estimate)
-    assert "motor_position_1 has a zero of its own (+3)" in said
+    assert "motor_position_1 has a zero of its own (+15)" in said
+    assert "the intervals hold for either" in said
     assert np.max(np.abs(errors(estimate, truth))) < 3.5
 
 
