@@ -45,7 +45,7 @@ class JointEffects:
 
     @property
     def pull(self) -> FloatArray:
-        """What noise of the sensors adds to the products of the columns with Y - W X, shape (c,)."""
+        """What noise of the sensors adds to the products of the columns with Y - W X, (c,) in SI."""
         return self.rows.pull(self.fit)
 
     def step(self, effect: Effect) -> tuple[float, float]:

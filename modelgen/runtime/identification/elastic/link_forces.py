@@ -78,7 +78,7 @@ class LinksInMotion:
 
     @cached_property
     def motion(self) -> FloatArray:
-        """Positions, speeds and accelerations of links, shape (3, moving, N)."""
+        """Positions, speeds and accelerations of links in SI, shape (3, moving, N)."""
         (chunk,) = replace(self.rows, samples=len(self.rows.grid) * self.rows.plan.filtering.factor).chunks()
         signals = chunk.plan.kernel_signals(chunk, 0, self.record.n)
         reads = link_readings(self.model)
@@ -117,7 +117,7 @@ def link_forces(model: Model, records: int) -> Iterator[LinkForce]:
 
 
 def link_readings(model: Model) -> dict[str, FloatArray]:
-    """Return what encoders, and rows in their place, read of links and motors, shape (coordinates,) each."""
+    """Return what encoders, and rows in their place, read per rad or m of them, shape (coordinates,)."""
     module = model.module
     joints = tuple(moving_joints(module))
     driven = tuple(range(len(joints), 2 * len(joints)))

@@ -120,7 +120,7 @@ def _springs(joint: str, rows: list[str], deflection: Made) -> Iterator[RowForce
 
 
 def nothing(simulated: object) -> Mapping[str, FloatArray]:
-    """Return what a force of rows changes in channels."""
+    """Return what a force of rows changes in channels, shape (n,) each, in SI: none of them."""
     return {}
 
 
