@@ -18,7 +18,7 @@ from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.low_pass import low_pass, two_poles
 from modelgen.runtime.iv.thresholds import LONGEST_LIMIT, SATURATED
-from modelgen.runtime.iv.varying_parameters import courses, falling_gain, varying_effects
+from modelgen.runtime.iv.varying_parameters import courses, falling_gain, varying_along, varying_effects
 from modelgen.runtime.least_squares.time_shifts import on_one_clock, shift
 from modelgen.runtime.model.model import Model, Sensor
 from modelgen.runtime.records.channels import Edit
@@ -39,14 +39,15 @@ def effects_of(
     reversals are used.
     """
     found: list[Effect] = []
-    level = _read_with_their_level(model)
+    level, ways = _read_with_their_level(model), courses(records)
+    varying = [varying_along(course, model.parameters) for course in ways]
     for sensor in model.sensors:
         found += _sensor_effects(sensor, len(records) if sensor.key in level else 0)
     for actuator in model.actuators:
         key = actuator.key
         peaks = [record.facts.extent(key).peak for record in records if key in record.signals]
         found += _force_effects(key, key in late, max(peaks, default=0.0))
-        found += [falling_gain(key, course, model.parameters) for course in courses(records)]
+        found += [falling_gain(key, *one) for one in zip(ways, varying, strict=True)]
     if not model.cubic_springs:  # such a chain is not linear
         found += (*chain_effects(model, bodies, turning), *varying_effects(model, records))
     return tuple(found)

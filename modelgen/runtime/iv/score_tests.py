@@ -102,12 +102,12 @@ def scores(
     seen = np.flatnonzero([one or (force and span.tells(column)) for one, force, column in tried])
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit, grown=False)), 0.0))
     critical = normal_beyond(0.5 * LEVEL / max(len(seen), 1))
-    largest = span.largest_overlooked
+    largest, every = span.largest_overlooked, float(r @ r)
     found = []
     for place in seen.tolist():
         power, whole = float(told.power[place]), float(told.whole[place])
         size = float(told.along[place]) / power
-        explained = size**2 * power / float(r @ r)
+        explained = size**2 * power / every
         move = -told.share[:, place] * size
         if slope is not None:
             move = slope @ move

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -42,10 +42,13 @@ def varying_effects(model: Model, records: Sequence[Record]) -> Iterator[Effect]
             yield _stiffer(name, " and ".join(role.bodies), *position)
 
 
-def falling_gain(key: str, course: Sequence[tuple[float, float]], names: Sequence[str]) -> Effect:
+def falling_gain(
+    key: str, course: Sequence[tuple[float, float]], varies: tuple[tuple[str, float], ...]
+) -> Effect:
     """Return that the gain of a force falls along a course of the records: warm magnets are weaker.
 
-    The size is the share of the gain from the beginning to the end. All parameters are in proportion to it.
+    The size is the share of the gain from the beginning to the end. All parameters are in proportion to it:
+    `varies` says by how much, see `varying_along`.
     """
 
     def changes(simulated: Simulated) -> Changes:
@@ -56,7 +59,6 @@ def falling_gain(key: str, course: Sequence[tuple[float, float]], names: Sequenc
         "in the course of the records: parameters are those of the middle, and intervals hold what they were"
     )
     falls, rises = (f"the gain of {key} {way} {said}" for way in ("falls", "rises"))
-    varies = tuple((name, spread(course)) for name in names)
     return Effect(f"drift of the gain of {key}", "drift", falls, rises, WARM_DRIVE, changes, key,
                   varies=varies, relative=True)  # fmt: skip
 
@@ -79,9 +81,12 @@ def along(course: Sequence[tuple[float, float]], index: int, samples: int) -> Fl
     return np.linspace(*course[index], samples) - 0.5
 
 
-def spread(course: Sequence[tuple[float, float]]) -> float:
-    """Return the rms of where records are in a course, from the middle of it on."""
-    return float(np.sqrt(np.mean([np.mean(along(course, index, 9) ** 2) for index in range(len(course))])))
+def varying_along(
+    course: Sequence[tuple[float, float]], names: Iterable[str]
+) -> tuple[tuple[str, float], ...]:
+    """Return the rms of where records are in a course, from the middle of it on, for each of some names."""
+    rms = float(np.sqrt(np.mean([np.mean(along(course, index, 9) ** 2) for index in range(len(course))])))
+    return tuple((name, rms) for name in names)
 
 
 def _frictions(model: Model) -> Iterator[tuple[str, str, Form, list[str]]]:
@@ -109,10 +114,8 @@ def _drift(
         return np.asarray(along(course, simulated.index, len(speed)) * form(speed))
 
     falls, rises = (f"{name} {way} in the course of the records, {MEAN}" for way in ("falls", "rises"))
-    varies = tuple((one, spread(course)) for one in names)
-    return Effect(
-        f"drift of {name}", "drift", falls, rises, WARM_MACHINE, on_body(body, force), varies=varies
-    )
+    changes, varies = on_body(body, force), varying_along(course, names)
+    return Effect(f"drift of {name}", "drift", falls, rises, WARM_MACHINE, changes, varies=varies)
 
 
 def _position(model: Model, records: Sequence[Record]) -> tuple[str, float, float] | None:

@@ -9,7 +9,7 @@ import pytest
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.identification.identify import identify
-from modelgen.runtime.iv.varying_parameters import courses, spread, varying_effects
+from modelgen.runtime.iv.varying_parameters import courses, varying_along, varying_effects
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.simulate import simulate
@@ -62,7 +62,7 @@ def test_courses_go_on_or_begin_anew_or_step_from_record_to_record() -> None:
     assert courses([short]) == [[(0.0, 1.0)]]
     assert courses([short, long]) == [[(0.0, 0.25), (0.25, 1.0)], [(0.0, 1.0)] * 2, [(0.0, 0.0), (1.0, 1.0)]]
     for course, rms in zip(courses([short, short]), (12.0**-0.5, 12.0**-0.5, 0.5), strict=True):
-        assert spread(course) == pytest.approx(rms, rel=0.15)
+        assert varying_along(course, ["K"]) == (("K", pytest.approx(rms, rel=0.15)),)
 
 
 @pytest.mark.slow
