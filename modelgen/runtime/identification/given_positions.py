@@ -58,6 +58,10 @@ from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open
 class Drifting(Protocol):
     """What an estimate rests on, and moves by as that is uncertain."""
 
+    @property
+    def late(self) -> tuple[tuple[str, float, float], ...]:
+        """Channels that were late, by how many s, and the deviations of that."""
+
     def drift(self, fit: Fit, model: Model) -> FloatArray:
         """Return what noise moves the estimate by through it, as a mean square in SI, shape (c, c)."""
 
@@ -74,6 +78,7 @@ class Rest:
     along: FloatArray
     ratio: float
     beyond: tuple[FloatArray, ...] = ()
+    late: tuple[tuple[str, float, float], ...] = ()
 
     def drift(self, fit: Fit, model: Model) -> FloatArray:
         """Return what noise moves the estimate by through the point, as a mean square in SI, (c, c).
@@ -141,10 +146,8 @@ def about_the_estimate(task: Task) -> tuple[Task, Drifting | None]:
 def near_by(task: Task) -> Task | None:
     """Return the task of changed records about their estimate, from where it was before."""
     kernel = task.model.kernel
-    if not isinstance(kernel, DeflectedKernel):
-        return task
-    found = _from_point(task, kernel, others=False)
-    return None if found is None else found[0]
+    found = _from_point(task, kernel, others=False) if isinstance(kernel, DeflectedKernel) else (task, None)
+    return found and found[0]
 
 
 def about_from_near_by(task: Task) -> tuple[Task, Drifting | None]:

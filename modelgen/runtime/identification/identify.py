@@ -93,7 +93,7 @@ def _identified(
     task, solution = fitted(task)
     chosen, again, fit, drift = task.method, partial(solution.at, task), solution.fit, solution.drift
     if rest is not None:
-        drift = drift + rest.drift(fit, task.model)
+        drift, fit = drift + rest.drift(fit, task.model), replace(fit, delays=(*fit.delays, *rest.late))
     others = compared(task, solution, again)
     if task.checks.drift_check and chosen.matched:
         step("changing cut-off and weights")

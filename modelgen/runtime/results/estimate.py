@@ -157,7 +157,7 @@ class Estimate:
 
     @property
     def delays(self) -> Mapping[str, float]:
-        """Delay in s of every force whose delay was estimated."""
+        """Delay in s of every force whose delay was estimated; of elastic arms also of sensors."""
         return self.fit.delays
 
     @property

@@ -24,6 +24,11 @@ class RestWithChannels:
     rest: Drifting | None
     right: SetRight
 
+    @property
+    def late(self) -> tuple[tuple[str, float, float], ...]:
+        """Channels that were late, by how many s, and the deviations of that."""
+        return self.right.late
+
     def drift(self, fit: Fit, model: Model) -> FloatArray:
         """Return what noise moves the estimate by through both, as a mean square in SI, shape (c, c)."""
         own = self.right.drift(fit)

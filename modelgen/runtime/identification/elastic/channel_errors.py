@@ -82,6 +82,13 @@ class SetRight:
         return bool(self.held) or not all(isinstance(effect, RowForce) for effect in self.effects)
 
     @property
+    def late(self) -> tuple[tuple[str, float, float], ...]:
+        """Channels that were late, by how many s, and the deviations of that."""
+        spread = np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist()
+        every = zip(self.effects, self.sizes, spread, strict=True)
+        return tuple((one.channel, size, std) for one, size, std in every if one.kind == "delay")
+
+    @property
     def advice(self) -> tuple[Advice, ...]:
         """What is said of the channels."""
         told = tuple(

@@ -102,6 +102,9 @@ def test_a_channel_that_is_off_is_named_and_set_right(case: str) -> None:
     assert channel in said
     wanted = {"late": "late by 1e+03 us", "held": "holds", "early": "early by 3", "gear": "(-0.99 %)"}
     assert wanted.get(case, "zero of its own (+0.0") in said
+    late = {"late": 1e-3, "early": -3e-4}.get(case)
+    assert dict(estimate.delays) == ({channel: pytest.approx(late, rel=0.1)} if late else {})
+    assert all(0.0 < std < 1e-4 for std in estimate.delay_std.values())
     z = errors(estimate, truth)
     assert np.sqrt(np.mean(z**2)) < 1.5
     assert np.max(np.abs(z)) < 3.5
