@@ -14,7 +14,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.residual_whiteness import coloured, whiteness
+from modelgen.runtime.diagnostics.residual_whiteness import coloured, opened_bound, whiteness
 from modelgen.runtime.diagnostics.thresholds import (
     CONFIDENCE,
     INPUT_LAGS,
@@ -105,6 +105,8 @@ def residual_tests(
         if left and not model.by_power:
             colour = coloured(model, record, block, run.residual, x, choice)
         white, bound = whiteness(colour, len(fit.blocks)) if colour else (None, None)
+        if colour and bound and white and white > bound and block.opening is not None:
+            bound = opened_bound(colour, block.opening, run.part, bound)
         correlation = _correlation(fit, index, run, step_s) if colour else None
         repeated = None
         if colour and record.name in period_s:

@@ -9,14 +9,16 @@ test it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import BoolArray, FloatArray
 from modelgen.runtime.diagnostics.noise_ways import NoiseWays, noise_ways
 from modelgen.runtime.diagnostics.thresholds import (
     CONFIDENCE,
+    DRAWS,
     FEWEST_LINES,
     LEAST_POWER,
     WHITENESS_LAGS,
@@ -29,19 +31,38 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.nonnegative import nonnegative
 from modelgen.runtime.numerics.tails import chi_square_beyond
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.row_block import RowBlock
+from modelgen.runtime.rows.row_block import RowBlock, Stretch
+
+# Lines two apart are independent behind this window.
+LINES = slice(2, None, 2)
 
 
 @dataclass(frozen=True, eq=False)
 class Coloured:
     """A stretch of a block's residual: its periodogram and the spectrum that noise of the sensors fits to it.
 
-    `frequency_hz`, `power` and `noise` share a shape.
+    `frequency_hz`, `power` and `noise` share a shape, of the lines that are `inside`; `shapes`, (frequencies,
+    channels), are the spectra of white noise in each channel, `rate` is in Hz.
     """
 
     frequency_hz: FloatArray
     power: FloatArray
     noise: FloatArray
+    shapes: FloatArray
+    inside: BoolArray
+    rate: float
+
+    def of(self, series: FloatArray) -> Coloured:
+        """Return the same of another series in its place, shape (n,), in the row's unit."""
+        power = _periodogram(series)[self.inside]
+        return replace(self, power=power, noise=_fitted(self.shapes, power))
+
+    def drawn(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Return noise of that spectrum, shape (count,), in the row's unit to within a factor."""
+        every = np.fft.rfftfreq(count, 1.0 / self.rate)
+        size = np.sqrt(np.interp(every, self.frequency_hz, self.noise))
+        parts = rng.standard_normal((2, len(every)))
+        return np.asarray(np.fft.irfft(size * (parts[0] + 1j * parts[1]), count))
 
     @property
     def whitened(self) -> FloatArray:
@@ -66,21 +87,40 @@ def coloured(
     x : array, shape (columns,)
         All base parameters in SI, in the model's order, zero for those not in the fit.
     """
-    e = residual - residual.mean()
-    n = len(e)
+    n = len(residual)
     factor = choice.decimation[block.record]
     rate = record.fs / factor
-    # lines two apart are independent behind this window
-    every = slice(2, None, 2)
-    frequency_hz = np.asarray(np.fft.rfftfreq(n, 1.0 / rate)[every], dtype=float)
-    power = square(np.fft.rfft(e * hann(n))[every])
+    frequency_hz = np.asarray(np.fft.rfftfreq(n, 1.0 / rate)[LINES], dtype=float)
+    power = _periodogram(residual)
     ways = noise_ways(model, record, choice, factor)[block.row].of_residual(x)
     shapes = _shapes(ways, model.rows[block.row].differentiated, choice, frequency_hz, rate, record.fs)
     inside = shapes.max(axis=1) > LEAST_POWER * shapes.max() if shapes.size else np.zeros(0, dtype=bool)
     if inside.sum() < FEWEST_LINES or not np.any(power[inside] > 0.0):
         return None
     noise = _fitted(shapes[inside], power[inside])
-    return Coloured(frequency_hz[inside], power[inside], noise)
+    return Coloured(frequency_hz[inside], power[inside], noise, shapes[inside], inside, rate)
+
+
+def opened_bound(
+    found: Coloured, opening: Callable[[Stretch], Stretch], part: Stretch, bound: float
+) -> float:
+    """Return the bound of `whiteness` where rows leave forces open: what is left of noise has another colour.
+
+    Along directions in which nothing is left of rows nothing is left of noise, which is then no longer as
+    even: the bound grows as the statistic of noise drawn from the fitted spectrum does, on average and most.
+    """
+    rng, count, found_again = np.random.default_rng(0), len(part.place), []
+    for _ in range(DRAWS):
+        drawn = part._replace(Y=found.drawn(count, rng), W=np.zeros((count, 0)))
+        found_again.append(whiteness(found.of(opening(drawn).Y))[0])
+    lags = min(WHITENESS_LAGS, len(found.power) // 4)
+    return max(bound, bound * float(np.mean(found_again)) / lags, max(found_again))
+
+
+def _periodogram(series: FloatArray) -> FloatArray:
+    """Return the power of a series at `LINES`, shape (frequencies,), in its unit squared."""
+    e = series - series.mean()
+    return square(np.fft.rfft(e * hann(len(e)))[LINES])
 
 
 def whiteness(found: Coloured, tests: int = 1) -> tuple[float, float]:

@@ -75,6 +75,8 @@ MOST_SAMPLES = 1 << 15
 # Lags of the whiteness, and rounds in which the residual's colour is fitted.
 WHITENESS_LAGS = 20
 WHITENESS_ROUNDS = 8
+# Series of noise that are drawn to see what rows which leave forces open do to its whiteness.
+DRAWS = 40
 # Frequencies at which the filter leaves less than this share of its largest power hold only rounding.
 LEAST_POWER = 1e-4
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ def deflected_rows(
         GivingRow(channel, left[row], regressor[row], _size(module, channel, left, regressor[row]))
         for row, channel in rows.items()
     )
-    outer = _moved_lines(module, kernel)
+    outer = _moved_lines(kernel, tuple(module.ESTIMATED))
     named = _given_names(module, channels)
     sums: dict[str, Sum] = {}
     places: dict[str, tuple[int, int | None]] = {}
@@ -112,33 +113,49 @@ def _formed(terms: Sum, sums: Mapping[str, Sum], kernel: ArmKernel) -> list[str]
     return [key for _, key in terms if key in sums or key in kernel.keys]
 
 
-def _moved_lines(module: Any, kernel: ArmKernel) -> set[str]:
+def held_positions(kernel: DeflectedKernel, row: int) -> frozenset[str]:
+    """Return the channels of given positions that a row holds, or derivatives of which."""
+    sums = {name for key, terms in kernel.sums.items() if kernel.places[key][0] == row for _, name in terms}
+    lines = {key for key in kernel.kernel.keys if kernel.places[key][0] == row}
+    channels = [one.channel for one in kernel.giving]
+    found = (
+        one for one in channels if sums & _names_of((one,)) or lines & _moved_lines(kernel.kernel, (one,))
+    )
+    return frozenset(found)
+
+
+@lru_cache(maxsize=64)
+def _moved_lines(kernel: ArmKernel, channels: tuple[str, ...]) -> frozenset[str]:
     """Return the lines that depend on positions which rows give, seen at random samples."""
     rng = np.random.default_rng(0)
     signals = {key: rng.uniform(-1.0, 1.0, 3) for key in kernel.inputs}
-    here = kernel.lines(signals)
-    given = {f"{front}{key}" for key in module.ESTIMATED for front in ("", "d1_", "d2_")}
+    here, given = kernel.lines(signals), _names_of(channels)
     there = kernel.lines({key: value + 0.1 * (key in given) for key, value in signals.items()})
-    return {key for key in kernel.keys if np.any(here[key] != there[key])}
+    return frozenset(key for key in kernel.keys if np.any(here[key] != there[key]))
+
+
+def _names_of(channels: Iterable[str]) -> set[str]:
+    """Return the names of positions and of their derivatives."""
+    return {f"{front}{key}" for key in channels for front in ("", "d1_", "d2_")}
 
 
 def _given_names(module: Any, channels: ArmChannels) -> set[str]:
     """Return the names in sums of what no sensor reads: positions, speeds of motors, their directions."""
-    found = {f"{front}{key}" for key in module.ESTIMATED for front in ("", "d1_", "d2_")}
+    found = _names_of(module.ESTIMATED)
     for one in channels.given:
         found.add(f"sign {one.name}")
         found |= {f"{way} {of}" for way in ("forward", "backward") for of in (one.name, one.key)}
     return found
 
 
-def _only(kernel: ArmKernel, keys: set[str]) -> ArmKernel:
+def _only(kernel: ArmKernel, keys: Set[str]) -> ArmKernel:
     """Return a kernel of these lines only."""
     entries = {key: line for key, line in kernel.entries.items() if key in keys}
     left = {key: row for key, row in kernel.left.items() if key in keys}
     return replace(kernel, entries=entries, left=left)
 
 
-def _without_given(kernel: ArmKernel, keys: set[str], reads: Mapping[str, Read]) -> ArmKernel:
+def _without_given(kernel: ArmKernel, keys: Set[str], reads: Mapping[str, Read]) -> ArmKernel:
     """Return a kernel of these lines, which do not depend on what rows give: it is zero to them."""
     read = {key: reads[key] for key in kernel.inputs if key in reads}
     given = (key for key in kernel.inputs if key not in reads)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
 from functools import cached_property
@@ -77,8 +77,8 @@ class RowBlock:
         others.
     by_gain : bool
         Whether a force of the row is a column, of a drive's gain.
-    opened : float
-        Along how many directions of all samples nothing is left, as forces are unknown there.
+    opened, opening : float, callable or None
+        Along how many directions of all samples nothing is left, as forces are unknown there; what left that.
     """
 
     record: int
@@ -99,6 +99,7 @@ class RowBlock:
     turning: bool = False
     by_gain: bool = False
     opened: float = 0.0
+    opening: Callable[[Stretch], Stretch] | None = None
 
     @cached_property
     def summary(self) -> RowTriangle:

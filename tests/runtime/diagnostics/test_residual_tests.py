@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from modelgen.runtime.diagnostics.residual_tests import repeated_share, residual_advice, residual_tests
-from modelgen.runtime.diagnostics.residual_whiteness import Coloured, coloured, whiteness
+from modelgen.runtime.diagnostics.residual_whiteness import Coloured, coloured, opened_bound, whiteness
 from modelgen.runtime.diagnostics.thresholds import WHITENESS_LAGS
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.identification.identify import identify
@@ -17,7 +17,9 @@ from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.left_open.open_forces import OpenForces, pulses_of
 from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.record_rows import unmasked_rows
 from modelgen.runtime.rows.row_block import RowBlock
 from tests.runtime.measured_records import bench
 from tests.runtime.rigid_motion import CHOICE, FS, RIGID, rigid_record, swings
@@ -146,8 +148,36 @@ def test_the_bench_shows_more_than_noise_and_the_same_in_every_period(shared_dat
 
 
 def test_whiteness_sums_the_squared_autocorrelations_of_the_whitened_lines() -> None:
-    lines = np.random.default_rng(4).exponential(size=3000)
-    statistic, _ = whiteness(Coloured(np.arange(3000.0), lines, np.ones(3000)))
+    lines, one = np.random.default_rng(4).exponential(size=3000), np.ones(3000)
+    statistic, _ = whiteness(Coloured(np.arange(3000.0), lines, one, one[:, None], one > 0.0, 1.0))
     angles = np.pi * (np.arange(3000) + 0.5) / 3000
     shares = [np.mean(np.cos(lag * angles) * lines) / lines.mean() for lag in range(1, WHITENESS_LAGS + 1)]
     assert statistic == pytest.approx(6000.0 * np.sum(np.square(shares)), rel=1e-9)
+
+
+def test_noise_that_rows_with_open_forces_leave_is_not_called_more_than_noise() -> None:
+    plain, knowing = 0, 0
+    for seed in range(8):
+        record = rigid_record(n=12000, noise=2e-6, force_noise=2.0, seed=seed)
+        white, bound, wider = opened_whiteness(record, 15)
+        plain, knowing = plain + (white > bound), knowing + (white > wider)
+    assert plain > 6
+    assert knowing == 0
+    # what the model lacks is still found
+    white, _, wider = opened_whiteness(rigid_record(extra=lambda q, v, a: 2.0 * np.sin(400.0 * q)), 60)
+    assert white > 3.0 * wider
+
+
+def opened_whiteness(record: Record, every: int) -> tuple[float, float, float]:
+    """Return the statistic of rows that leave a force open at one of so many samples, and its bounds."""
+    fit, factor = fit_of(record), CHOICE.decimation[0]
+    rows = unmasked_rows(RIGID, record, CHOICE, factor)
+    rng = np.random.default_rng(0)
+    at = np.sort(rng.choice(np.arange(rows.grid[0], rows.grid[-1]), record.n // every, replace=False))
+    opening = OpenForces(at, pulses_of(rows, CHOICE), rows.grid[0], factor).left
+    run = fit.fitted(0, fit.blocks[0].longest_run(record.n)).part
+    left = opening(run._replace(Y=fit.fitted(0, run).residual, W=np.zeros((len(run.place), 0))))
+    found = coloured(RIGID, record, fit.blocks[0], left.Y, solution(fit), CHOICE)
+    assert found is not None
+    white, bound = whiteness(found)
+    return white, bound, opened_bound(found, opening, run, bound)

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.identification.elastic.row_forces import RowForce, nothing
+from modelgen.runtime.identification.elastic.row_forces import RowForce, nothing, passed
 from modelgen.runtime.identification.thresholds import MOST_ALIGNED_GAIN
 from modelgen.runtime.iv.effect import LENGTH, TILT
 from modelgen.runtime.model.arm_channels import moving_joints
@@ -55,14 +55,10 @@ class LinksInMotion:
         if effect.record not in (None, self.index):
             return found
         forces = effect.needed(self._links, self.motion)
-        pushed = {
-            f"tau_{one}": self._with_motor(one, force) for one, force in zip(joints, forces, strict=True)
-        }
-        passed = replace(self.rows, source=self.record.edited(pushed)).mixed([{key: 1.0} for key in pushed])
-        for joint, line in zip(joints, passed, strict=True):
+        for joint, force in zip(joints, forces, strict=True):
             row = f"{joint} link" if f"{joint} link" in names else joint
             if row in names:
-                found[names.index(row)] = line
+                found[names.index(row)] = passed(self.rows, self.record, self._with_motor(joint, force))
         return found
 
     @cached_property

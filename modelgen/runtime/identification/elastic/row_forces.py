@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -15,7 +15,7 @@ from modelgen.runtime.filters.one_pass import forward_and_backward
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.record_rows import unmasked_rows
+from modelgen.runtime.rows.record_rows import RecordRows, unmasked_rows
 
 Made = Callable[[Record, FilterChoice], FloatArray]
 
@@ -75,10 +75,15 @@ def force_rows(
     effect: RowForce, model: Model, record: Record, choice: FilterChoice, factor: int, drop: int
 ) -> FloatArray:
     """Return how Y - W X grows per unit of a force, shape (rows, grid): it passes as a measured one does."""
-    drive = model.actuators[0].key
-    rows = unmasked_rows(model, record.edited({drive: effect.made(record, choice)}), choice, factor, drop)
-    (passed,) = rows.mixed([{drive: 1.0}])
-    return np.array([effect.acts.get(row.name, 0.0) * passed for row in model.rows])
+    rows = unmasked_rows(model, record, choice, factor, drop)
+    force = passed(rows, record, effect.made(record, choice))
+    return np.array([effect.acts.get(row.name, 0.0) * force for row in model.rows])
+
+
+def passed(rows: RecordRows, record: Record, force: FloatArray) -> FloatArray:
+    """Return what rows of a record make of a force, shape (n,) in SI: as of measured ones, shape (grid,)."""
+    drive = rows.plan.model.actuators[0].key
+    return replace(rows, source=record.edited({drive: force})).derivatives(drive, (0,))[:, 0]
 
 
 def _position(model: Model, body: str) -> str:

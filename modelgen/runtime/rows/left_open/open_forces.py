@@ -200,7 +200,8 @@ def with_open_forces(block: RowBlock, forces: OpenForces, stretch: int) -> RowBl
     opened = OpenedRows(block, forces)
     if block.in_memory:
         part = opened.between(0, block.grid)
-        return replace(block.kept(), Y=part.Y, W=part.W, opened=forces.directions(part.place))
+        taken = forces.directions(part.place)
+        return replace(block.kept(), Y=part.Y, W=part.W, opened=taken, opening=forces.left)
     triangles: list[FloatArray] = []
     taken = 0.0
     for start in range(0, block.grid, stretch):
@@ -211,7 +212,9 @@ def with_open_forces(block: RowBlock, forces: OpenForces, stretch: int) -> RowBl
             triangles = [triangle_of(np.concatenate(triangles))]
     summary = replace(block.summary, triangle=triangle_of(np.concatenate(triangles)))
     inside = range(summary.triangle.shape[1] - 2)
-    return DrawnBlock(opened, inside, vars(block) | {"summary": summary, "opened": taken, "whole": None})
+    return DrawnBlock(
+        opened, inside, vars(block) | {"summary": summary, "opened": taken, "opening": forces, "whole": None}
+    )
 
 
 def least_certain(near: IntArray, certain: FloatArray, factor: int, most: int) -> IntArray:

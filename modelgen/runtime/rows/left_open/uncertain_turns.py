@@ -18,7 +18,8 @@ import numpy as np
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.fused_operator import fused_operator
-from modelgen.runtime.model.deflected_kernel import DeflectedKernel
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel, GivingRow
+from modelgen.runtime.model.deflected_rows import held_positions
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
@@ -89,7 +90,8 @@ def without_uncertain_turns(
             lines = [near[name] for name in names]
             if not lines:
                 continue
-            measured = all(name in rows.plan.directions for name in names)
+            own_way = bool(direction_keys(model, found[k].row))
+            measured = own_way and all(name in rows.plan.directions for name in names)
             samples, certain = joined(lines)
             most = _most_open(samples[certain < NO_SIGN] // factor, found[k].count, measured)
             samples = least_certain(samples, certain, factor, most)
@@ -102,7 +104,8 @@ def without_uncertain_turns(
 def _most_open(no_sign: IntArray, count: int, measured: bool) -> int:
     """Return at how many points of a row's `count` forces may be left open.
 
-    `no_sign`, shape (s,), are intervals in which a speed has any sign.
+    `no_sign`, shape (s,), are intervals in which a speed has any sign. Where a row holds directions, all
+    `measured`, a mask leaves rests out besides.
     """
     share = MOST_UNCERTAIN if measured else MOST_OPEN
     return min(max(int(share * count), len(np.unique(no_sign))), int(MOST_OPEN * count))
@@ -119,20 +122,25 @@ def leaves_turns_open(model: Model) -> bool:
 def _of_sensors(model: Model, row: int) -> tuple[str, ...]:
     """Return the keys of measured speeds whose signs a row of an arm holds, or what it holds of positions."""
     own = direction_keys(model, row) if model.is_arm else ()
-    if not _moved_by_friction(model, row):
-        return own
-    every = (key for other in range(len(model.rows)) for key in direction_keys(model, other))
-    return tuple(dict.fromkeys((*own, *every)))
+    ways = {feature.key: feature.of for feature in model.features if isinstance(feature.of, str)}
+    terms = (terms for one in _moving(model, row) for terms in (one.left, *one.columns.values()))
+    return tuple(dict.fromkeys((*own, *(ways[key] for part in terms for _, key in part if key in ways))))
 
 
 def _moved_by_friction(model: Model, row: int) -> bool:
     """Tell whether a row holds positions that springs give by rows that hold friction."""
+    signs = {feature.key for feature in model.features if isinstance(feature.of, str)}
+    giving = (terms for one in _moving(model, row) for terms in (one.left, *one.columns.values()))
+    return any(key in signs for terms in giving for _, key in terms)
+
+
+def _moving(model: Model, row: int) -> tuple[GivingRow, ...]:
+    """Return the rows that give positions which a row holds."""
     kernel = model.kernel
     if not isinstance(kernel, DeflectedKernel) or row not in kernel.rows:
-        return False
-    signs = {feature.key for feature in model.features if isinstance(feature.of, str)}
-    giving = (terms for one in kernel.giving for terms in (one.left, *one.columns.values()))
-    return any(key in signs for terms in giving for _, key in terms)
+        return ()
+    held = held_positions(kernel, row)
+    return tuple(one for one in kernel.giving if one.channel in held)
 
 
 def _felt_orders(model: Model, row: int) -> tuple[int, ...]:

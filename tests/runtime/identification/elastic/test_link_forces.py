@@ -128,6 +128,15 @@ def test_what_may_be_off_in_links_is_in_the_file() -> None:
     assert not [one for one in link_forces(model_of(rigid), 1) if "gravity" in one.name]
 
 
+def test_a_joint_whose_motor_is_in_no_row_may_be_off_as_well() -> None:
+    sensors = [("1", "motor", "position"), ("1", "link", "velocity"), ("2", "link", "position")]
+    spec = with_sensors(elastic(serial(PLANAR, drive=True)), *sensors)
+    values = values_of(spec, np.random.default_rng(3))
+    estimate = identify(model_of(spec), record_of(spec, values))
+    assert "K2" in estimate.not_identifiable
+    assert np.max(np.abs(held(estimate, model_of(spec), values))) < 3.5
+
+
 def test_what_several_effects_say_is_said_once_with_the_size_of_all() -> None:
     tilts = [
         one for one in link_forces(model_of(sensed(serial(PLANAR, drive=True))), 1) if one.kind == "tilt"

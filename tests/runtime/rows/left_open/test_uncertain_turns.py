@@ -15,6 +15,7 @@ from modelgen.cli.arms.simulate_arm import mounted
 from modelgen.render.arms.arm_writer import arm_files
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
+from modelgen.runtime.model.deflected_rows import held_positions
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.planning.arms.predicted_sets import USUAL_NOISE
 from modelgen.runtime.records.record import Record
@@ -118,6 +119,17 @@ def test_rows_about_no_estimate_stay_as_they_are() -> None:
     rows = observe(model, [record], choice)
     assert not leaves_turns_open(model)
     assert without_uncertain_turns(rows, model, [record], choice, 0) is rows
+
+
+def test_a_row_leaves_open_what_moves_the_links_that_it_holds() -> None:
+    gyros = [(joint, "link", "gyro") for joint in ("1", "2")]
+    ((name, text),) = arm_files(with_sensors(ARM, *both(), *gyros), "s").items()
+    model = model_from_text(text, name)
+    assert isinstance(model.kernel, DeflectedKernel)
+    held = {row.name: len(held_positions(model.kernel, place)) for place, row in enumerate(model.rows)}
+    felt = {name: count for name, count in held.items() if name.startswith("link_gyro")}
+    assert {count for name, count in felt.items() if "_1" in name} == {1}
+    assert {count for name, count in felt.items() if "_2" in name} == {2}
 
 
 @dataclass(frozen=True)
