@@ -16,6 +16,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.effect import FORCES, Effect
 from modelgen.runtime.iv.thresholds import (
+    AT_A_TIME,
     CANCELLED,
     LARGEST_SHARE,
     LEAST_DRIFT,
@@ -248,22 +249,26 @@ class Span:
 
     def compared(self, grown: Sequence[Sequence[FloatArray]], residual: FloatArray) -> Compared:
         """Compare effects, one array a block, with the regressors, and a residual apart from these, (r,)."""
-        across = np.zeros((self._spanned.width, len(grown)))
-        whole, along = np.zeros(len(grown)), np.zeros(len(grown))
-        lefts = self._spanned.parts(residual)
-        for place, column in enumerate(grown):
-            for index, rows in block_column(column).parts.items():  # most effects are seen in few rows
-                part = self.fit.weights[index] * rows
-                across[:, place] += self._spanned.across(index, part)
-                whole[place] += part @ part
-                along[place] += part @ lefts[index]
-        inner = self._spanned.coordinates(across)
-        power = whole - np.sum(inner**2, axis=0)
+        count, lefts = len(grown), self._spanned.parts(residual)
+        whole, power, along = np.zeros(count), np.zeros(count), np.zeros(count)
+        share = np.empty((len(self._back), count))
+        for start in range(0, count, AT_A_TIME):
+            now = slice(start, start + AT_A_TIME)
+            across = np.zeros((self._spanned.width, len(grown[now])))
+            for place, column in enumerate(grown[now]):
+                for index, rows in block_column(column).parts.items():  # most effects are seen in few rows
+                    part = self.fit.weights[index] * rows
+                    across[:, place] += self._spanned.across(index, part)
+                    whole[start + place] += part @ part
+                    along[start + place] += part @ lefts[index]
+            inner = self._spanned.coordinates(across)
+            power[now] = whole[now] - np.sum(inner**2, axis=0)
+            share[:, now] = self._back @ inner
         for place in np.flatnonzero(power < CANCELLED * whole).tolist():
             # twice: rounding leaves as much of the regressors as is to be found
             own = self.apart(self.apart(stacked(self.fit, grown[place])))
             power[place], along[place] = own @ own, own @ residual
-        return Compared(whole, power, along, self._back @ inner)
+        return Compared(whole, power, along, share)
 
 
 def _unknowns(fit: Fit, R: Regressors) -> FloatArray:

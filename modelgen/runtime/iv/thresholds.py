@@ -139,6 +139,8 @@ LEAST_MOVED_SHARE = 3e-4
 LEAST_DRIFT = 1e-2
 # What adds more than this multiple of the largest term to the rows is no effect that was overlooked.
 LARGEST_SHARE = 3.0
+# So many effects are compared with the columns at a time: those of a long chain take as much as its rows.
+AT_A_TIME = 256
 
 # Another effect explains the residual as well where it falls behind by less than this, as a chi square.
 AS_GOOD = 20.0

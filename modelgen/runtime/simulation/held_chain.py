@@ -53,8 +53,11 @@ class HeldChain:
         found = np.concatenate([whole, s - single[:, None]])
         # a division of complex numbers takes several times as long; what nothing holds, a body on a spring of
         # no stiffness, has no answer to a constant push
-        size = found.real**2 + found.imag**2
-        return np.asarray(np.divide(found.conj(), size, out=np.zeros_like(found), where=size > 0.0))
+        size = found.real**2
+        size += found.imag**2
+        # in place: zero stays zero
+        np.divide(np.conj(found, out=found), size, out=found, where=size > 0.0)
+        return found
 
     def _excited(self, push: FloatArray) -> ComplexArray:
         return np.asarray(self.entering @ (push / self.plant.inertia))
