@@ -6,7 +6,7 @@ directions are changed a little, and a load is there in one record only.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -26,6 +26,7 @@ from modelgen.runtime.simulation.arms.placed_links import OF_LINK, PlacedLinks, 
 
 # Lengths in m, and accelerations in m/s^2, that are small against those of arms and large against rounding.
 TRIED_LENGTH, TRIED_GRAVITY = 1e-6, 1e-3
+READ = ("position", "velocity")
 # Offsets in m below that are none.
 NO_LENGTH = 1e-9
 
@@ -76,11 +77,17 @@ class LinksInMotion:
     def motion(self) -> FloatArray:
         """Positions, speeds and accelerations of links in SI, shape (3, moving, N)."""
         (chunk,) = replace(self.rows, samples=len(self.rows.grid) * self.rows.plan.filtering.factor).chunks()
-        signals = chunk.plan.kernel_signals(chunk, 0, self.record.n)
-        reads = link_readings(self.model)
-        turn = np.linalg.pinv(np.array([*reads.values()]))[: len(moving_joints(self.model.module))]
-        read = [[signals[order + key] for key in reads] for order in ("", "d1_", "d2_")]
-        return np.array([turn @ np.array(one) for one in read])
+        signals = {**self.record.signals, **chunk.plan.kernel_signals(chunk, 0, self.record.n)}
+        found: list[FloatArray] = []
+        for order in range(3):
+            reads = {key: read for key, read in link_readings(self.model, order).items() if key in signals}
+            if shows_links(reads):
+                turn = np.linalg.pinv(np.array([*reads.values()]))
+                joints = turn.shape[0] // 2
+                found.append(turn[:joints] @ np.array([signals[key] for key in reads]))
+            else:
+                found.append(np.gradient(found[-1], 1.0 / self.record.fs, axis=1))
+        return np.array(found)
 
     def _with_motor(self, joint: str, force: FloatArray) -> FloatArray:
         """Return a force of a link, shape (N,), with what the motor needs as it deflects the spring.
@@ -112,18 +119,31 @@ def link_forces(model: Model, records: int) -> Iterator[LinkForce]:
     yield from _loads(placed, records)
 
 
-def link_readings(model: Model) -> dict[str, FloatArray]:
-    """Return what encoders, and rows in their place, read per rad or m of them, shape (coordinates,)."""
-    module = model.module
+def link_readings(model: Model, order: int = 0) -> dict[str, FloatArray]:
+    """Return what sensors, and rows in their place, read per rad or m of them, shape (coordinates,).
+
+    Coordinates are links, and motors behind them, differentiated as often as `order` says: what reads speeds
+    is among those of derivatives.
+    """
+    module, found = model.module, {}
     joints = tuple(moving_joints(module))
     driven = tuple(range(len(joints), 2 * len(joints)))
-    return {
-        one["key"]: reading_of(
-            one["joint"], one["side"], module.TRANSMISSION, joints, driven, 2 * len(joints)
-        )
-        for one in module.SENSORS
-        if one["measures"] == "position"
-    }
+    for one in module.SENSORS:
+        times = order - READ.index(one["measures"]) if one["measures"] in READ else -1
+        if times >= 0:
+            key = f"d{times}_{one['key']}" if times else one["key"]
+            read = reading_of(one["joint"], one["side"], module.TRANSMISSION, joints, driven, 2 * len(joints))
+            found[key] = read
+    return found
+
+
+def shows_links(reads: Mapping[str, FloatArray]) -> bool:
+    """Tell whether every link's position is a sum of what is read, per rad or m, shape (coordinates,)."""
+    if not reads:
+        return False
+    every = np.array([*reads.values()])
+    joints = every.shape[1] // 2
+    return bool(np.allclose((np.linalg.pinv(every) @ every)[:joints], np.eye(2 * joints)[:joints]))
 
 
 def _told_by_forces(model: Model) -> bool:
@@ -131,16 +151,11 @@ def _told_by_forces(model: Model) -> bool:
     joints = moving_joints(model.module)
     sprung = {role.bodies[0] for role in model.roles.values() if role.role == "stiffness"}
     felt = any(one["measures"] in ("accelerometer", "acceleration") for one in model.module.SENSORS)
-    reads = np.array([*link_readings(model).values()])
-    # every link is a sum of what is read
-    seen = bool(reads.size) and np.allclose(
-        (np.linalg.pinv(reads) @ reads)[: len(joints), : len(joints)], np.eye(len(joints))
-    )
     # rows of motors that move several joints hold shares of what their links need
     own = model.module.ROW_KIND == "joint" or {f"{one} link" for one in joints} <= {
         row.name for row in model.rows
     }
-    return seen and not felt and own and sprung >= {*joints}
+    return shows_links(link_readings(model)) and not felt and own and sprung >= {*joints}
 
 
 def _placed(model: Model) -> PlacedLinks:

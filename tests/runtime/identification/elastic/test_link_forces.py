@@ -6,6 +6,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
+import pytest
 
 from modelgen import Record, identify
 from modelgen.render.arms.arm_writer import arm_module
@@ -128,8 +129,11 @@ def test_what_may_be_off_in_links_is_in_the_file() -> None:
     assert not [one for one in link_forces(model_of(rigid), 1) if "gravity" in one.name]
 
 
-def test_a_joint_whose_motor_is_in_no_row_may_be_off_as_well() -> None:
-    sensors = [("1", "motor", "position"), ("1", "link", "velocity"), ("2", "link", "position")]
+@pytest.mark.parametrize("measured", ["link velocity", "motor velocity"])
+def test_links_may_be_off_whatever_reads_them(measured: str) -> None:
+    # the motor of joint 2 is in no row; a tachometer stands in for the derivative of an encoder
+    side, measures = measured.split()
+    sensors = [("1", "motor", "position"), ("1", side, measures), ("2", "link", "position")]
     spec = with_sensors(elastic(serial(PLANAR, drive=True)), *sensors)
     values = values_of(spec, np.random.default_rng(3))
     estimate = identify(model_of(spec), record_of(spec, values))
