@@ -87,7 +87,7 @@ def _of_all(fit: Fit) -> float:
 
 
 def long_run_covariance(
-    series: Sequence[Series | FloatArray], least: float = 1.0, grown: bool = True, quantile: float = USUAL
+    series: Sequence[Series | FloatArray], least: float = 1.0, grown: bool = True
 ) -> FloatArray:
     """Return the covariance of the sum over all instants and records, in its unit squared, shape (c, c).
 
@@ -103,10 +103,8 @@ def long_run_covariance(
         Instants, the least bandwidth.
     grown : bool
         Whether the bandwidth may grow (`scores_bandwidth`).
-    quantile : float
-        The normal quantile, 1.96 or more, that is to hold where few instants tell a variance.
     """
-    return long_run(series, (quantile,), least, grown).covariances[0]
+    return long_run(series, least=least, grown=grown).covariances[0]
 
 
 class LongRun(NamedTuple):
@@ -122,7 +120,10 @@ def long_run(
     least: float = 1.0,
     grown: bool = True,
 ) -> LongRun:
-    """Return `long_run_covariance`, in its unit, (c, c), for each of some quantiles, from the same sums."""
+    """Return `long_run_covariance`, in its unit, (c, c), for each of some quantiles, from the same sums.
+
+    They are normal quantiles, 1.96 or more, that are to hold where few instants tell a variance.
+    """
     series = [KeptOnce(one) if callable(one) and not isinstance(one, KeptOnce) else one for one in series]
     bandwidth = max(least, scores_bandwidth(series, grown))
     sums = [ParzenSums(bandwidth) for _ in series]
