@@ -24,11 +24,11 @@ from modelgen.runtime.identification.elastic.starting_springs import springs_pul
 from modelgen.runtime.identification.elastic.steps_about import (
     columns_of,
     fit_about,
-    lags_little,
     left_by,
     moved,
     rest_with_forces_open,
     size_of,
+    springs_hold,
     weighted,
 )
 from modelgen.runtime.identification.job import Job
@@ -249,7 +249,7 @@ def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Rest | None
         if not springs_pull(kernel, point):
             return None
         if share * size / (1.0 - slow.ratio) <= max(POINT_TOLERANCE * left, rounding):
-            return replace(slow, point=point) if lags_little(job, kernel, point) else None
+            return replace(slow, point=point) if springs_hold(job, kernel, point) else None
     return None
 
 

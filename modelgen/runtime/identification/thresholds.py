@@ -168,6 +168,9 @@ COPIES_OF_ROWS_IV, COPIES_OF_CHANNELS = 5.0, 5.0
 # To cut records is no remedy where fewer samples would be left.
 FEWEST_LEFT = 5000
 
+# A spring that deflects by more than so many times the motion of its joint carries no link: rows about it
+# hold nothing but that, and a slide in slow motion ended at hardly any stiffness.
+MOST_DEFLECTED = 30.0
 # Where rows hold positions that springs give: deflections as shares of the motion to start from, steps after
 # which starts are compared, the first of them that hold springs and dampers and as many more that hold
 # dampers, most steps, and the last step's size in units of the residual's norm, or of the rows' where there

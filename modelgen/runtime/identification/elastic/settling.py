@@ -19,9 +19,9 @@ from modelgen.runtime.identification.elastic.steps_about import (
     columns_of,
     fit_about,
     held_values,
-    lags_little,
     left_by,
     moved_least,
+    springs_hold,
 )
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
@@ -119,7 +119,7 @@ def _begun(job: Job, kernel: DeflectedKernel, point: FloatArray, held: Collectio
 
 def _tried(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Fit | None:
     """Return the fit of rows about a point; None where it is none of an arm."""
-    if not springs_pull(kernel, point) or not lags_little(job, kernel, point):
+    if not springs_pull(kernel, point) or not springs_hold(job, kernel, point):
         return None
     try:
         return fit_about(job, kernel, point)

@@ -41,6 +41,18 @@ def starting_springs(
         yield point
 
 
+def most_deflected(kernel: DeflectedKernel, records: Sequence[Record], point: FloatArray) -> float:
+    """Return by how many times the motion of its joint a spring of a point, (columns,) in SI, deflects."""
+    found = 0.0
+    for row in kernel.giving:
+        force, motion = (
+            max((_span(kernel, terms, one) for one in records), default=0.0) for terms in row.size
+        )
+        for column in row.acting(0):
+            found = max(found, force / (point[column] * motion) if force and motion else 0.0)
+    return found
+
+
 def _span(kernel: DeflectedKernel, terms: Sequence[tuple[float, str]], record: Record) -> float:
     """Return over how much a sum of channels goes at most, without what is differentiated."""
     total = 0.0

@@ -11,13 +11,14 @@ import numpy as np
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.diagnostics.noise_bias import less_noise
-from modelgen.runtime.identification.elastic.starting_springs import springs_pull
+from modelgen.runtime.identification.elastic.starting_springs import most_deflected, springs_pull
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import run_wls
 from modelgen.runtime.identification.thresholds import (
     AS_LIKELY,
     LARGEST_PERCENT,
     LONGEST_LAG,
+    MOST_DEFLECTED,
     MOST_STEPS,
     ROUNDING,
     SHORTEST_STEP,
@@ -87,17 +88,22 @@ def _downhill(job: Job, kernel: DeflectedKernel, fit: Fit, point: FloatArray) ->
 
 def _opened(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Fit | None:
     """Return the fit of rows about a point that leave forces open; None where there is none, or no spring."""
-    if not springs_pull(kernel, point) or not lags_little(job, kernel, point):
+    if not springs_pull(kernel, point) or not springs_hold(job, kernel, point):
         return None
     with suppress(IdentifiabilityError):
         return fit_about(job, kernel, point, sampled=True)
     return None
 
 
-def lags_little(job: Job, kernel: DeflectedKernel, point: FloatArray) -> bool:
-    """Return whether the series in a damper's lag ends at frequencies of the motion, (columns,) in SI."""
+def springs_hold(job: Job, kernel: DeflectedKernel, point: FloatArray) -> bool:
+    """Return whether springs of a point, (columns,) in SI, carry links with the motors.
+
+    They deflect by few times the motion, as rows about others hold nothing else, and the series in a damper's
+    lag ends at frequencies of the motion.
+    """
     motion_hz = job.choice.dynamics_hz or job.choice.cutoff_hz
-    return kernel.at(point).lag * 2.0 * np.pi * motion_hz < LONGEST_LAG
+    lags_little = kernel.at(point).lag * 2.0 * np.pi * motion_hz < LONGEST_LAG
+    return lags_little and most_deflected(kernel, job.records, point) < MOST_DEFLECTED
 
 
 def left_by(fit: Fit, values: FloatArray | None = None) -> float:

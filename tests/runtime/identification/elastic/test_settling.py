@@ -11,18 +11,26 @@ import pytest
 from modelgen.runtime.identification.elastic import other_springs as others
 from modelgen.runtime.identification.elastic import settling, steps_about
 from modelgen.runtime.identification.elastic.settling import settled
+from modelgen.runtime.identification.elastic.starting_springs import most_deflected
+from modelgen.runtime.records.record import Record
 
 NAMES = ("K", "M")
 MODEL: Any = SimpleNamespace(base_parameters=NAMES)
-JOB: Any = SimpleNamespace(model=MODEL, choice=SimpleNamespace(dynamics_hz=5.0, cutoff_hz=20.0))
+CHOICE = SimpleNamespace(dynamics_hz=5.0, cutoff_hz=20.0)
+JOB: Any = SimpleNamespace(model=MODEL, choice=CHOICE, records=())
 GOAL = np.array([40.0, 2.0])
 COUNT = 400
+
+
+FORCE_AND_MOTION = (((30.0, "tau"),), ((1.0, "q"),))
+READS_OF = {key: (key, 0) for key in ("tau", "q")}
 
 
 class Kernel:
     """One spring, in column 0, without a damper."""
 
-    giving = (SimpleNamespace(acting=lambda order: (0,) if order == 0 else ()),)
+    giving = (SimpleNamespace(acting=lambda order: (0,) if order == 0 else (), size=FORCE_AND_MOTION),)
+    reads_of = READS_OF
     columns = (0,)
     lag = 0.0
     motors_alone = True
@@ -95,6 +103,15 @@ def test_starts_that_agree_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
 
     assert len(settled(JOB, KERNEL, starts())) == 1
     assert tried == [30.0, 50.0]
+
+
+def test_a_spring_that_gives_way_carries_no_link() -> None:
+    record: Any = Record({"tau": np.linspace(-1.0, 1.0, 9), "q": np.linspace(0.0, 0.5, 9)}, 1e3, "run")
+    job: Any = SimpleNamespace(model=MODEL, choice=CHOICE, records=(record,))
+    # 60 N m on a motion of 0.5 rad
+    assert most_deflected(KERNEL, job.records, np.array([40.0, 2.0])) == pytest.approx(3.0)
+    assert steps_about.springs_hold(job, KERNEL, np.array([40.0, 2.0]))
+    assert not steps_about.springs_hold(job, KERNEL, np.array([1.0, 2.0]))
 
 
 def test_what_is_held_stays_where_it_is() -> None:
