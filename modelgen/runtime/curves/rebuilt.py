@@ -58,8 +58,8 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
     """Return every row on every record used, and the singular values of W with columns of unit length.
 
     The singular values have shape (columns,) and no unit. W is weighted as in the fit and holds the columns
-    of the fit; records held out are left out. What was estimated besides the parameters, a late sensor, say,
-    is no part of an estimate: the rows are rebuilt without it.
+    of the fit; records held out are left out. What was estimated besides the parameters, a ripple, say, is
+    rebuilt with them where the estimate holds the residuals of its rows, which one from a file does not.
     """
     records = used_records(model, records, estimate)
     if not {entry.row for entry in estimate.fit.rows} & {row.name for row in model.rows}:
@@ -70,19 +70,29 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
     x = _solution(model, estimate)
     model = _about(model, estimate, x)
     weights = {(entry.record, entry.row): entry.weight for entry in estimate.fit.rows}
+    residuals = _residuals(estimate)
     fitted = np.isfinite(estimate.base) | np.isin(model.base_parameters, list(estimate.parameters.nuisance))
     observation, used = _observed(model, records, estimate)
     found: list[Rebuilt] = []
     stacked: list[FloatArray] = []
     for block, left in zip(observation.dense().blocks, used.dense().blocks, strict=True):
-        if (block.record_name, block.row_name) not in weights:
+        key = block.record_name, block.row_name
+        if key not in weights:
             continue  # a row that this record was not allowed to feed
-        record = records[block.record]
-        found.append(_rebuilt(record, estimate, block, left.residual(x)))
-        weight = weights[block.record_name, block.row_name]
+        record, own = records[block.record], residuals.get(key)
+        same = own is not None and own.size == block.place.size
+        found.append(_rebuilt(record, estimate, block, own if same else left.residual(x)))
+        weight = weights[key]
         if np.isfinite(weight) and block.place.size:
             stacked.append(np.asarray(np.linalg.qr(weight * left.W[:, fitted], mode="r")))
     return found, _singular_values(stacked)
+
+
+def _residuals(estimate: Estimate) -> dict[tuple[str, str], FloatArray]:
+    """Return what the fit left of each row on each record, (n,) in its unit; nothing where it was not kept."""
+    solved = [(entry.record, entry.row) for entry in estimate.fit.rows if entry.residual_rms is not None]
+    kept = estimate.fit.residuals or ()
+    return {key: left for key, (_, left) in zip(solved, kept, strict=False)}
 
 
 def used_records(model: Model, records: Sequence[Record], estimate: Estimate) -> tuple[Record, ...]:

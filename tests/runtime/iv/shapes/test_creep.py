@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from modelgen.runtime.curves.rebuilt import rebuild
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.iv.shapes.creep import creep
 from tests.runtime.iv.shapes.chains import KNOWN, SHORT, simulated_alone, there_and_back
@@ -47,7 +48,8 @@ def test_a_link_that_creeps_is_found_and_named(times: float) -> None:
     def link(q: float, bend: float, crept: float) -> tuple[float, float]:
         return KNOWN["K"] * (bend + SHARE * (bend - crept)), rate * (bend - crept)
 
-    estimate = identify(SHORT, there_and_back(link, times))
+    records = [there_and_back(link, times)]
+    estimate = identify(SHORT, records)
     said = " ".join(one.what for one in estimate.checks.advice)
     assert "the link of K creeps" in said
     assert f"from some {HZ:.2g} Hz on" in said
@@ -55,3 +57,7 @@ def test_a_link_that_creeps_is_found_and_named(times: float) -> None:
         assert abs(estimate.params[name] - KNOWN[name]) < 3.0 * estimate.bse[name]
     for name, share in (("J_m", 5e-3), ("J_c", 5e-3), ("K", 0.03)):
         assert estimate.bse[name] < share * KNOWN[name]
+    # curves are rebuilt with what was estimated besides
+    for row, entry in zip(rebuild(SHORT, records, estimate)[0], estimate.fit.rows, strict=True):
+        left = float(np.sqrt(np.nanmean(row.residual**2)))
+        assert left == pytest.approx(entry.residual_rms, rel=1e-9)
