@@ -12,7 +12,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.model.chain_matrices import chain_matrices
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.row_terms import mismatch_terms
-from modelgen.runtime.simulation.plant import felt_accelerations, make_plant
+from modelgen.runtime.simulation.plant import sensor_levers
 
 
 @dataclass(frozen=True)
@@ -106,11 +106,17 @@ def felt_forces(model: Model, values: Mapping[str, float]) -> tuple[FloatArray, 
     n = len(chain.bodies)
     shows = _shown_motion(model)
     found = []
+    # friction that depends on the direction counts with the mean of both, as in D
+    halves = {one.key: one.times for one in model.features if one.function in ("forward", "backward")}
     for weights in mismatch_terms(model, model.base_from_physical(values)):
+        mean = dict(weights)
+        for key, times in halves.items():
+            if times is not None and key in weights:
+                mean[times] = mean.get(times, 0.0) + 0.5 * weights[key]
         seen = [
-            (shows[signal.sensor][1] + signal.derivative, weights[signal.key] * shows[signal.sensor][0])
+            (shows[signal.sensor][1] + signal.derivative, mean[signal.key] * shows[signal.sensor][0])
             for signal in model.signals
-            if signal.key in weights and signal.sensor in shows
+            if signal.key in mean and signal.sensor in shows
         ]
         taken = np.zeros((max([2, *(order + 1 for order, _ in seen)]), n))
         for order, motion in seen:
@@ -127,14 +133,8 @@ def felt_forces(model: Model, values: Mapping[str, float]) -> tuple[FloatArray, 
 @lru_cache(maxsize=8)
 def _shown_motion(model: Model) -> dict[str, tuple[FloatArray, int]]:
     """Return the motion of the bodies that a sensor reads, shape (bodies,), and how often differentiated."""
-    # it depends on no parameter: any inertia and stiffness will do
-    alike = {name: float(role.role in ("inertia", "stiffness")) for name, role in model.roles.items()}
-    read, felt = make_plant(model, alike).space(()).C, felt_accelerations(model)
-    found = {}
-    for place, sensor in enumerate(model.sensors):
-        motion = felt[place] if sensor.order == 2 else np.split(read[place], 2)[sensor.order]
-        found[sensor.key] = motion, sensor.order
-    return found
+    levers = sensor_levers(model)
+    return {sensor.key: (levers[place], sensor.order) for place, sensor in enumerate(model.sensors)}
 
 
 def _body(model: Model, key: str) -> str | None:

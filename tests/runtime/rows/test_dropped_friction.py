@@ -63,6 +63,15 @@ def test_friction_of_any_body_takes_what_elimination_leaves_of_its_force() -> No
     np.testing.assert_allclose(first[:2, 2] * v["K_2"], [-v["K_1"], -v["D_1"]], rtol=1e-9)
 
 
+def test_forces_are_felt_alike_where_friction_depends_on_the_direction() -> None:
+    both = THREE.replace('coulomb = "F_sm", ', 'coulomb = "F_sm", friction = "asymmetric", ')
+    values = {name: 1.0 + 0.3 * place for place, name in enumerate(three().parameters)}
+    halves = {f"{name}_{side}": values[name] for name in ("F_vm", "F_sm") for side in ("plus", "minus")}
+    found = felt_forces(model_of(both, "ends"), values | halves)
+    for one, other in zip(found, felt_forces(three(), values), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
 def test_the_friction_of_a_body_without_a_sensor_takes_a_direction_that_is_brought() -> None:
     ends, middle = (dropped_friction(three(), row) for row in range(2))
     assert [(one.body, one.key) for one in ends] == [("m", "d1_q_m"), ("l", "d1_q_l")]
