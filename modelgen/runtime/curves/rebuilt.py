@@ -80,8 +80,9 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
         if key not in weights:
             continue  # a row that this record was not allowed to feed
         record, own = records[block.record], residuals.get(key)
-        same = own is not None and own.size == block.place.size
-        found.append(_rebuilt(record, estimate, block, own if same else left.residual(x)))
+        if own is None or own.size != block.place.size:
+            own = left.residual(x)
+        found.append(_rebuilt(record, estimate, block, own))
         weight = weights[key]
         if np.isfinite(weight) and block.place.size:
             stacked.append(np.asarray(np.linalg.qr(weight * left.W[:, fitted], mode="r")))
@@ -89,7 +90,7 @@ def rebuild(model: Model, records: Sequence[Record], estimate: Estimate) -> tupl
 
 
 def _residuals(estimate: Estimate) -> dict[tuple[str, str], FloatArray]:
-    """Return what the fit left of each row on each record, (n,) in its unit; nothing where it was not kept."""
+    """Return what the fit left of each row on each record, (n,) in its unit, where that was kept."""
     solved = [(entry.record, entry.row) for entry in estimate.fit.rows if entry.residual_rms is not None]
     kept = estimate.fit.residuals or ()
     return {key: left for key, (_, left) in zip(solved, kept, strict=False)}

@@ -129,7 +129,7 @@ class Effect:
 
     def samples(self, size: float, fs: float) -> float:
         """Return the size of a delay or lag in samples at fs, in Hz; 0 for other effects."""
-        if self.edit is None or self.kind in ("clock", "zero"):
+        if self.edit is None or self.kind in ("clock", "zero", "gain"):
             return 0.0
         return fs * (abs(size) if self.kind in LATE else self._width(size))
 

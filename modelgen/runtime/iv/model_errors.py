@@ -112,7 +112,9 @@ def _sensor_effects(sensor: Sensor, records: int) -> Iterator[Effect]:
     yield low_pass(key, force=False)
     yield _clock(key)
     gain = f"the gain of {key} is off"
-    yield Effect(f"gain of {key}", "gain", gain, gain, "calibrate it", _with(key, lambda s, dt: s))
+    yield Effect(
+        f"gain of {key}", "gain", gain, gain, "calibrate it", _with(key, lambda s, dt: s), key, _true
+    )
     if records > 1:
         yield zero_effect(key, None, records)
     for index in range(records):
@@ -184,6 +186,10 @@ def _on_time(key: str, size: float, record: Record) -> Edit:
 
 def _less(key: str, size: float, record: Record) -> Edit:
     return Edit(key, lambda samples, start: samples - size)
+
+
+def _true(key: str, size: float, record: Record) -> Edit:
+    return Edit(key, lambda samples, start: samples / (1.0 + size))
 
 
 def _with(key: str, change: Callable[[FloatArray, float], FloatArray]) -> Callable[[Simulated], Changes]:

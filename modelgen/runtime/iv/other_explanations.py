@@ -59,8 +59,8 @@ def other_explanations(
         Those that were tested.
     looked : Looked
 
-    What is nearly a sum of the columns is left out: a step that large tells nothing where nothing is solved
-    again.
+    What is nearly a sum of the columns is left out: a step of which so much is one tells nothing unless all
+    is solved again.
 
     Returns
     -------
@@ -103,7 +103,7 @@ def other_explanations(
             )
             and chi[place] > critical
             and power[place] > LITTLE_OWN * whole[place]
-            and abs(steps[place]) * float(np.sqrt(whole[place])) < largest
+            and abs(steps[place]) * float(np.sqrt(max(whole[place] - power[place], 0.0))) < largest
             and others[place - 1].possible(float(steps[place]))
         ]
         moves = -told.share * steps

@@ -107,7 +107,15 @@ def test_a_late_channel_is_set_right_and_the_others_stay(samples: float) -> None
     np.testing.assert_array_equal(found.signals["q_m"], late.signals["q_m"])
     assert EFFECTS["delay of q_c"].corrected(late, 0, 0.0) is late
     # what has no edit stays in the rows
-    assert EFFECTS["gain of q_c"].corrected(late, 0, 0.1) is late
+    assert EFFECTS["constant force on c"].corrected(late, 0, 0.1) is late
+
+
+def test_a_channel_with_a_wrong_gain_is_set_right() -> None:
+    right, _ = two_mass_records(noise=0.0)
+    wrong = replace(right, signals={**right.signals, "q_c": 1.03 * right.signals["q_c"]})
+    found = EFFECTS["gain of q_c"].corrected(wrong, 0, 0.03)
+    np.testing.assert_allclose(found.signals["q_c"], right.signals["q_c"], rtol=1e-12)
+    np.testing.assert_array_equal(found.signals["q_m"], right.signals["q_m"])
 
 
 @given(ppm=st.floats(-3000.0, 3000.0), frequency=st.floats(0.0, 0.1), phase=st.floats(0.0, 6.3))

@@ -23,11 +23,13 @@ def effect(name: str, negative: str = "it acts") -> Effect:
     return Effect(name, "force", "it acts", negative, "add it", lambda simulated: {})
 
 
-def freed(seed: int, size: float = 0.4) -> tuple[Fit, FloatArray, float, np.random.Generator]:
+def freed(
+    seed: int, size: float = 0.4, spanned: float = 0.8
+) -> tuple[Fit, FloatArray, float, np.random.Generator]:
     """Rows with an effect of this size estimated and subtracted, how they grow with it, and its deviation."""
     rng = np.random.default_rng(seed)
     W = rng.standard_normal((N, 2))
-    grown = rng.standard_normal(N) + 0.8 * W[:, 0]
+    grown = rng.standard_normal(N) + spanned * W[:, 0]
     Y = W @ np.array([2.0, -1.0]) + size * grown + 0.1 * rng.standard_normal(N)
     larger = np.linalg.lstsq(np.column_stack([W, grown]), Y, rcond=None)[0]
     fit = fit_matched(Observation(("a", "b"), (block(W, Y - larger[2] * grown),)))
@@ -50,6 +52,15 @@ def test_what_explains_the_same_widens_by_what_the_parameters_would_move(
     # the same but for a multiple of a column, which that column takes back
     expected = np.diag([0.0, (mix * size) ** 2])
     np.testing.assert_allclose(drift, expected, atol=1e-9 * (1.0 + (mix * size) ** 2))
+
+
+@pytest.mark.parametrize(("spanned", "told"), [(0.1, True), (3.0, False)])
+def test_a_large_step_is_told_where_it_is_no_sum_of_the_columns(spanned: float, told: bool) -> None:
+    fit, grown, size, _ = freed(3, 20.0, spanned)
+    other = grown + 0.1 * fit.blocks[0].W[:, 1]
+    looked = Looked((), [[grown]], [[other]])
+    (found,), drift = other_explanations(fit, [effect("push")], [size], [0.004], [effect("pull")], looked)
+    assert bool(found) == told == bool(drift.any())
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -17,7 +17,7 @@ from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import RIPPLE, Changes, Effect
 from modelgen.runtime.iv.held_motion import nearest_sensor
 from modelgen.runtime.iv.pushed_chain import pushed_body
-from modelgen.runtime.iv.thresholds import LED_ORDER, LONGEST_PHASE
+from modelgen.runtime.iv.thresholds import FEWEST_PERIODS, LED_ORDER, LONGEST_PHASE
 from modelgen.runtime.model.model import Model
 
 
@@ -74,7 +74,9 @@ def ripple(model: Model, at: PeriodicPlace, way: float, number: float, phases: S
         # at the ends of the way a step of the number is one of phase
         longest = np.r_[min(2.0 * LONGEST_PHASE / way, 0.5 * number), np.full(len(phases), LONGEST_PHASE)]
         steps_taken = np.clip(by, -longest, longest)
-        return ripple(model, at, way, number + float(steps_taken[0]), (phases + steps_taken[1:]).tolist())
+        slowest = 2.0 * np.pi * FEWEST_PERIODS / way
+        further = max(number + float(steps_taken[0]), slowest)
+        return ripple(model, at, way, further, (phases + steps_taken[1:]).tolist())
 
     period = _period(model, at.body, number)
     words = f"a force that varies with the position of {at.body} acts on it, {period}"

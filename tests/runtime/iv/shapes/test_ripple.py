@@ -12,6 +12,7 @@ from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import CheckOptions
 from modelgen.runtime.iv.shapes.ripple import PeriodicPlace, position, ripple
 from modelgen.runtime.iv.shapes.ripple_search import _spectrum
+from modelgen.runtime.iv.thresholds import FEWEST_PERIODS
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
@@ -61,6 +62,15 @@ def test_number_and_phase_change_the_effect_as_their_columns_say(place: int) -> 
     expected = wave.shape(1)[place].changes(simulated)["q_c"]
     scale = float(np.max(np.abs(expected)))
     np.testing.assert_allclose((more - less) / (2.0 * step), expected, atol=1e-5 * scale)
+
+
+def test_steps_lead_to_no_ripple_that_a_friction_or_a_gain_could_be() -> None:
+    way = 1.0
+    wave, slowest = ripple(SMALL, PeriodicPlace("c"), way, 4.0, [0.0]), 2.0 * np.pi * FEWEST_PERIODS / way
+    for _ in range(5):
+        assert wave.moved is not None
+        wave = wave.moved(1.0, [-1.0, 0.0])
+    assert f"{slowest:.4g} periods a turn" in wave.words
 
 
 def test_each_record_has_a_phase_of_its_own() -> None:
