@@ -39,7 +39,7 @@ from modelgen.runtime.identification.explanation.from_starts import (
     with_starts,
     with_zeros,
 )
-from modelgen.runtime.identification.explanation.held_commands import with_held_commands
+from modelgen.runtime.identification.explanation.held_commands import with_held_commands, with_shown_or_held
 from modelgen.runtime.identification.explanation.least_squares_instead import (
     least_squares_instead,
     least_squares_of_long_arm,
@@ -125,11 +125,12 @@ def _of_chain(task: Task, method: Auto) -> Begun:
         first, task = found, at_cutoff_of(other, found.task)
     first = _with_all_samples(task, method, first)
     task = replace(task, job=replace(task.job, physical=first.task.job.physical))
-    first = _with_holds(task, method, first)
+    plain, first = first, _with_holds(task, method, first)
     task = first.task
     if first.found.fit.carried is not None:
         run = partial(_instrumental, method=method.instrumental)
         first = at_white_cutoff(given, first, lambda other: _with_holds(other, method, run(other)))
+        first = with_shown_or_held(plain, first) if task.checks.drift_check else first
         return with_note(first, "method iv, in the physical parameters")
     if not exceeding(first):
         return _less_driven(task, method, first)

@@ -12,6 +12,7 @@ by a. What it leaves of a delay is of third order where r is a half (Butterworth
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -59,6 +60,16 @@ def low_pass(key: str, force: bool) -> Effect:
     name = f"{'lag' if force else 'bandwidth'} of {key}"
     return Effect(name, "lag", read.format(key), acts.format(key), remedy.format(key), _bent(key), key,
                   _at_rate_of(without_lag), forms=(other,), at=_bent_further(key), response=_lag)  # fmt: skip
+
+
+def lag_for_delay(key: str, delay: float, force: bool) -> Effect:
+    """Return that a delay of so many s is that of a lag: of the size 1 where all of it is."""
+    lag, size = low_pass(key, force), 0.5 * delay**2
+
+    def changes(simulated: Simulated) -> Changes:
+        return {channel: size * more for channel, more in lag.changes(simulated).items()}
+
+    return replace(lag, name=f"{lag.name} for its delay", changes=changes)
 
 
 def two_poles(key: str, bend: float = BUTTERWORTH, late: float = 0.0) -> Effect:

@@ -128,12 +128,13 @@ def scores(
     return tuple(sorted(found, key=lambda one: -one.explained))
 
 
-def moves_within(span: Span, grown: Sequence[Sequence[FloatArray]]) -> FloatArray:
+def moves_within(span: Span, grown: Sequence[Sequence[FloatArray]], doubtful: bool = False) -> FloatArray:
     """Return what effects move whose sizes are known to be about 1 at most, as a mean square, shape (c, c).
 
     They are not estimated, but what the residual says of a size counts: the mean square is that of a normal
     one with the standard deviation 1, given the residual. What moves nothing by more than rounding is left
-    out: the instants at which it acts are not used. `grown` is as in `scores`.
+    out: the instants at which it acts are not used. `grown` is as in `scores`. What is `doubtful` is as
+    likely not there at all (a spike and a slab, Mitchell and Beauchamp 1988).
     """
     fit, slope = span.fit, span.slope
     total = np.zeros((len(fit.columns),) * 2)
@@ -144,18 +145,22 @@ def moves_within(span: Span, grown: Sequence[Sequence[FloatArray]]) -> FloatArra
     told = span.compared(seen, r)
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit, grown=False)), 0.0))
     for place, column in enumerate(seen):
-        share, power = 0.0, float(told.power[place])
+        share, odds, power = 0.0, 1.0, float(told.power[place])
         size = float(told.along[place]) / power if power > 0.0 else 0.0
         if power > LEAST_OWN_SHARE * float(told.whole[place]):
             (std,) = _deviations(fit, r, span.apart(stacked(fit, column)), size, power, (USUAL,))
             share = 1.0 / (1.0 + std**2)
+            odds = (
+                float(np.exp(-0.5 * share * (size / std) ** 2) / np.sqrt(1.0 - share)) if std > 0.0 else 0.0
+            )
         if fit.white is not None:
             move = fit.white.moved(column)[: len(fit.columns)]
         else:
             move = told.share[:, place] if slope is None else slope @ told.share[:, place]
         if np.all(np.abs(move) <= LEAST_DRIFT * spread):
             continue
-        total += (share**2 * size**2 + 1.0 - share) * np.outer(move, move)
+        there = 1.0 / (1.0 + odds) if doubtful else 1.0
+        total += there * (share**2 * size**2 + 1.0 - share) * np.outer(move, move)
     return total
 
 

@@ -93,3 +93,14 @@ def summed(unseen: Sequence[Effect]) -> tuple[str, ...]:
         f"{' and '.join(names)}, which the spec does not name, can hardly be told from the friction that it "
         "names with these sensors: if there is any, the value is the sum of all bodies' friction",
     )
+
+
+def late_or_lagging(channels: Sequence[str]) -> tuple[str, ...]:
+    """Return the note on channels with delays of which a part may be that of a lag."""
+    if not channels:
+        return ()
+    are = "is" if len(channels) == 1 else "are"
+    return (
+        f"whether {' and '.join(channels)} {are} late by the same time at all frequencies or behind a lag "
+        "(a current loop, a filter) hardly shows: the intervals hold either",
+    )

@@ -13,7 +13,7 @@ from scipy.signal import butter, sosfilt
 from generated import emps300_qm_ac
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.iv.companion_simulation import Simulated
-from modelgen.runtime.iv.low_pass import noise_passed, two_poles
+from modelgen.runtime.iv.low_pass import lag_for_delay, low_pass, noise_passed, two_poles
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
@@ -46,6 +46,15 @@ def test_two_poles_are_made_and_undone_below_a_tenth_of_the_sampling_frequency(
     np.testing.assert_allclose(made[middle], behind.real[middle], atol=1e-5)
     passed = noise_passed(effect, late / FS, np.array([frequency * FS]), FS)
     assert passed[0] == pytest.approx(float(np.abs(1.0 + s + bend * s**2)) ** 2)
+
+
+@pytest.mark.parametrize("force", [True, False])
+def test_a_delay_that_is_one_of_a_lag_has_a_size_of_one(force: bool) -> None:
+    record = Record({"q": np.sin(2.0 * np.pi * 30.0 * np.arange(2000) / FS)}, FS, "run")
+    simulated = Simulated(None, record, {}, 0)  # type: ignore[arg-type]
+    bent = low_pass("q", force).changes(simulated)["q"]
+    found = lag_for_delay("q", -3e-4, force).changes(simulated)["q"]
+    np.testing.assert_allclose(found, 0.5 * 3e-4**2 * bent)
 
 
 @pytest.mark.parametrize("size", [4e-4, -4e-4])

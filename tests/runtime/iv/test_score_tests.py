@@ -131,6 +131,17 @@ def test_what_is_not_estimated_counts_as_far_as_the_residual_leaves_it_open() ->
     assert not np.any(moves_within(Span(fit), [[0.0 * grown]]))
 
 
+def test_what_may_not_be_there_counts_half_where_the_residual_says_nothing() -> None:
+    (loud, grown), (none, other), (there, third) = rows(5, 0.0, noise=500.0), rows(5, 0.0), rows(5, 1.0)
+    for fit, column, least, most in (
+        (loud, grown, 0.49, 0.51),
+        (none, other, 1e-4, 0.05),  # it has no size: its size was not to be found
+        (there, third, 0.999, 1.001),
+    ):
+        certain, doubtful = (np.diag(moves_within(Span(fit), [[column]], one)) for one in (False, True))
+        assert np.all(doubtful >= least * certain) and np.all(doubtful <= most * certain)
+
+
 def test_an_effect_is_seen_in_the_rows_whose_weight_it_has_taken() -> None:
     rng = np.random.default_rng(3)
     sign = np.where(np.arange(N) % 40 < 20, 1.0, -1.0)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.identification.explanation.explained import Explained
+from modelgen.runtime.identification.explanation.explained import Explained, Shown
 from modelgen.runtime.identification.explanation.folded_forces import forces_bend
 from modelgen.runtime.identification.explanation.look_at_residual import (
     Seen,
@@ -25,14 +25,14 @@ from modelgen.runtime.identification.explanation.look_at_residual import (
 from modelgen.runtime.identification.explanation.other_weights import other_weights
 from modelgen.runtime.identification.explanation.search import Search, left_of
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.thresholds import KNOWN_INSTANT
+from modelgen.runtime.identification.thresholds import KNOWN_INSTANT, MOST_TRIED
 from modelgen.runtime.iv.effect import DIRECTION, FORCES, Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.other_explanations import Looked, other_explanations
 from modelgen.runtime.iv.score_tests import Score, slope_of
 from modelgen.runtime.iv.thresholds import LITTLE_OWN
-from modelgen.runtime.iv.told_effects import estimated, summed
+from modelgen.runtime.iv.told_effects import estimated, late_or_lagging, summed
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.rows.given_directions import brings_directions
@@ -60,16 +60,12 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
     none = np.zeros((len(fit.columns),) * 2)
     search = Search(job, slope_of(job.model, fit), now, effects, len(effects), {}, none)
     seen = search.look()
-    labels = summed(seen.hidden)
+    labels = (*summed(seen.hidden), *late_or_lagging(seen.either))
     if fit.carried is not None:
         drift, shown = _held(job, now.fit, seen.found)
         told = tuple(left_of(one, shown) for one in shown[:1])
         search = replace(search, drift=drift, advice=told, ended=True)
-        # timings, low-passes and further masses look like a command that is held, which is asked afterwards,
-        # or like damping of unseen bodies
-        first = next(((one.effect, one.size) for one in shown if one.effect.kind in FORCES), None)
-        first = next(((effect, 0.0) for effect in seen.shapes), first)
-        return replace(_concluded(search, seen, labels), shown=first)
+        return replace(_concluded(search, seen, labels), shown=_to_estimate(job, seen, shown))
     while not search.ended:
         search = search.step(seen)
         seen = seen if search.ended else search.look()
@@ -124,6 +120,25 @@ def _held(job: Job, fit: Fit, found: Sequence[Score]) -> tuple[FloatArray, list[
         np.zeros((len(fit.columns),) * 2),
     )
     return drift, shown
+
+
+def _to_estimate(job: Job, seen: Seen, shown: Sequence[Score]) -> tuple[Shown, ...]:
+    """Return what a fit in physical parameters may estimate of what its residual shows.
+
+    Of that a column may have little of its own, as everything is solved again. What one of several sensors
+    reads amiss is like no command that is held, and neither is a force; what has one form of many is none.
+    """
+    sensors = [one.key for one in job.model.sensors if one.key in job.model.channels]
+    forces = [one for one in shown if one.effect.kind in FORCES]
+    edited = [one for one in seen.found if one.matters and one.effect.edit and one.effect.possible(one.size)]
+    read = [one for one in edited if one.effect.channel in sensors and len(sensors) > 1]
+    first = (*forces[:1], *read[:1])
+    others = [one for one in edited if one not in first and one.effect.kind not in TIMING]
+    return (
+        *(Shown(effect, 0.0) for effect in seen.shapes[:1]),
+        *(Shown(one.effect, one.size) for one in first),
+        *(Shown(one.effect, one.size, like_a_hold=True) for one in others[:MOST_TRIED]),
+    )
 
 
 def found_by(job: Job, observation: Observation, fit: Fit) -> Freed:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,22 @@ if TYPE_CHECKING:
     from modelgen.runtime.iv.score_tests import Score
 
 
+NOTHING: Mapping[str, Sequence[tuple[Effect, float]]] = MappingProxyType({})
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What a residual shows that may be estimated, with its size.
+
+    A low-pass may look like a command that is held: it is estimated where it is known what is held, and where
+    nothing but noise is left with it.
+    """
+
+    effect: Effect
+    size: float
+    like_a_hold: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Explained:
     """A fit with what its residual shows taken into account.
@@ -44,8 +61,8 @@ class Explained:
     unsolved : array, shape (c, c), or 0
         The part of `drift` that is of effects: held and not estimated, or what else could stand for them. It
         is a matter of what is recorded, whichever way that is fitted.
-    shown : (Effect, float), optional
-        What the residual of a fit in physical parameters shows first of what can be estimated, and its size.
+    shown : tuple of Shown
+        What the residual of a fit in physical parameters shows of what can be estimated.
     """
 
     observation: Observation
@@ -56,7 +73,7 @@ class Explained:
     advice: tuple[Advice, ...]
     held: Score | None = None
     unsolved: FloatArray | float = 0.0
-    shown: tuple[Effect, float] | None = None
+    shown: tuple[Shown, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +110,13 @@ def begun_with(task: Task, found: Explained) -> Begun:
     return Begun(replace(task, job=job), found)
 
 
-def with_carried_effects(job: Job, found: Explained) -> Explained:
-    """Return a fit in physical parameters with the effects that were estimated with these, if any were."""
+def with_carried_effects(
+    job: Job, found: Explained, others: Mapping[str, Sequence[tuple[Effect, float]]] = NOTHING
+) -> Explained:
+    """Return a fit in physical parameters with the effects that were estimated with these, if any were.
+
+    `others` are what explains as much as one of them, by its name.
+    """
     from modelgen.runtime.iv.told_effects import estimated
 
     carried = found.fit.carried
@@ -103,7 +125,7 @@ def with_carried_effects(job: Job, found: Explained) -> Explained:
     known = [size if one.edit else 0.0 for one, size in zip(job.effects, job.all_sizes, strict=True)]
     sizes = tuple(size + more for size, (more, _) in zip(known, carried.sizes, strict=True))
     told = tuple(
-        estimated(effect, size, ())
+        estimated(effect, size, others.get(effect.name, ()))
         for effect, size, (_, std) in zip(job.effects, sizes, carried.sizes, strict=True)
         if effect.words and abs(size) > ZERO_APART * std
     )

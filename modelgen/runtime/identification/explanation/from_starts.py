@@ -17,6 +17,7 @@ from modelgen.runtime.identification.explanation.explain_stretches import long
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
     Explained,
+    Shown,
     begun_at,
     begun_with,
     exceeding,
@@ -34,6 +35,7 @@ from modelgen.runtime.identification.job import Change, Job
 from modelgen.runtime.identification.methods import IV
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import SHOWN_EFFECTS
+from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import Freed, corrected, fit_with_effects
 from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS
 from modelgen.runtime.iv.told_effects import estimated
@@ -146,27 +148,47 @@ def with_zeros(task: Task, run: Callable[[Task], Begun]) -> Begun | None:
         return None
 
 
-def with_shown_effects(begun: Begun) -> Begun:
+def with_shown_effects(begun: Begun, holds_known: bool = False) -> Begun:
     """Return instruments in physical parameters with what their residual shows estimated as well.
 
-    One effect after the other, as long as each makes the records clearly more likely; the intervals hold what
-    is left. Other fits have theirs already.
+    One effect after the other, as long as each makes the records clearly more likely, the most likely first;
+    the intervals hold what is left, and others that are as likely. Where it is known what is held, the last
+    one leaves noise, or none is taken. Other fits have theirs already.
     """
+    ties: dict[str, Sequence[tuple[Effect, float]]] = {}
+    first, apart = begun, np.zeros((len(begun.found.fit.columns),) * 2)
     for _ in range(SHOWN_EFFECTS):
-        shown, found = begun.found.shown, with_carried_effects(begun.task.job, begun.found)
-        known = {effect.name for effect in found.effects}
-        if shown is None or shown[0].name in known or not exceeding(begun):
+        known = {effect.name for effect in with_carried_effects(begun.task.job, begun.found).effects}
+        shown = [one for one in begun.found.shown if holds_known or not one.like_a_hold]
+        if not holds_known and not exceeding(begun):
             break
-        # a change of shape is linear, and intervals know of it
-        effects = (*found.effects, shown[0], *shown[0].shape(len(begun.task.records)))
-        sizes = (*found.sizes, shown[1])
-        job = replace(begun.task.job, effects=effects, sizes=sizes)
-        try:
-            again = run_method(begun_at(replace(begun.task, job=job), begun), begun.task.method)
-            again = explained_with_directions(again, begun)
-        except (IdentifiabilityError, DataError):
+        tried = [(one, _with(begun, one)) for one in shown if one.effect.name not in known]
+        better = [(gained(begun, again), one, again) for one, again in tried if again is not None]
+        better.sort(key=lambda entry: -entry[0])
+        if not better or better[0][0] < AS_GOOD:
             break
-        if again.found.fit.carried is None or gained(begun, again) < AS_GOOD:
-            break
-        begun = again
-    return begun_with(begun.task, with_carried_effects(begun.task.job, begun.found))
+        most, one, best = better[0]
+        equal = [entry for entry in better[1:] if most - entry[0] < AS_GOOD]
+        ties[one.effect.name] = [(other.effect, other.size) for _, other, _ in equal]
+        moves = [again.found.fit.solution.x - best.found.fit.solution.x for *_, again in equal]
+        apart = sum((np.outer(move, move) / len(moves) for move in moves), np.zeros_like(apart))
+        begun = best
+    if holds_known and exceeding(begun):
+        return first
+    found = with_carried_effects(begun.task.job, begun.found, ties)
+    return begun_with(begun.task, replace(found, drift=found.drift + apart, unsolved=found.unsolved + apart))
+
+
+def _with(begun: Begun, shown: Shown) -> Begun | None:
+    """Return instruments in physical parameters with a further effect estimated; None where they fail."""
+    found, effect = with_carried_effects(begun.task.job, begun.found), shown.effect
+    # a change of shape is linear, and intervals know of it
+    effects = (*found.effects, effect, *effect.shape(len(begun.task.records)))
+    job = replace(begun.task.job, effects=effects, sizes=(*found.sizes, shown.size))
+    try:
+        again = run_method(begun_at(replace(begun.task, job=job), begun), begun.task.method)
+        again = explained_with_directions(again, begun)
+    except (IdentifiabilityError, DataError):
+        return None
+    same = again.found.fit.carried is not None and again.found.fit.columns == begun.found.fit.columns
+    return again if same else None

@@ -28,6 +28,7 @@ from modelgen.runtime.identification.explanation.explained import (
     late_forces,
     with_note,
 )
+from modelgen.runtime.identification.explanation.from_starts import with_shown_effects
 from modelgen.runtime.identification.explanation.held_images import less, without_images
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
@@ -77,6 +78,21 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
         if better is not None:
             return _or_other(better, one.gained(first), others[place + 1 :], first)
     return _or_other(first, 0.0, others, first)
+
+
+def with_shown_or_held(plain: Begun, held: Begun) -> Begun:
+    """Return instruments in physical parameters with what their residual shows, with or without a hold.
+
+    A lag that is no hold looks like one as long as it is not estimated: where a hold leaves more than noise,
+    the estimate without it, `plain`, is looked at as well.
+    """
+    best = with_shown_effects(held, holds_known=True)
+    forces = held_commands(plain)
+    alike = plain.found.fit.carried is not None and plain.task.choice == held.task.choice
+    if not (forces and alike and exceeding(best)):
+        return best
+    other = with_shown_effects(plain, holds_known=True)
+    return best if gained(other, best, quiet_job(other.task), forces) > 0.0 else other
 
 
 @dataclass(frozen=True, eq=False)

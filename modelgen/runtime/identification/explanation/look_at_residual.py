@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,10 +13,11 @@ from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.explanation.folded_forces import folded_forces
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import MOST_TRIED, OVER_NOISE
-from modelgen.runtime.iv.effect import Effect, unlike
+from modelgen.runtime.iv.effect import LOW_PASSES, Effect, unlike
 from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
+from modelgen.runtime.iv.low_pass import lag_for_delay
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.score_tests import Score, Span, moves_within, scores, stacked
 from modelgen.runtime.iv.shapes.creep import creeping_links
@@ -26,6 +27,7 @@ from modelgen.runtime.iv.shapes.shape_search import ShapeRows
 from modelgen.runtime.iv.thresholds import EXACTNESS, LITTLE_OWN
 from modelgen.runtime.iv.told_effects import within_rounding
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.records.record import Record
 
 
@@ -37,7 +39,8 @@ class Seen:
     `shapes` are further masses, creep and ripples with which least squares leave clearly less, where it is
     more than noise.
     `rounded` names those, estimated or not, that encoders are too coarse for.
-    `folded` is what forces move that bend between samples, as a mean square, shape (c, c).
+    `folded` is what forces move that bend between samples, and lags in place of delays, as a mean square,
+    shape (c, c); `either` are channels with delays which that widens intervals by more than noise for.
     """
 
     found: tuple[Score, ...] = ()
@@ -47,6 +50,7 @@ class Seen:
     shapes: tuple[Effect, ...] = ()
     folded: FloatArray | None = None
     rounded: frozenset[str] = frozenset()
+    either: tuple[str, ...] = ()
 
 
 def look(
@@ -74,8 +78,8 @@ def look(
     tested = [one for one in unlike(every, known) if not kinds or one.kind in kinds]
     others = now.others or tuple(job.rates(now.fit, tuple(now.setting.records), channel)
                                  for channel, _, _ in now.fit.delays)  # fmt: skip
-    bent = folded_forces(job.model)
-    grown = effect_rows(now.fit, now.setting, simulated, (*tested, *bent))
+    unsized = folded_forces(job.model), tuple(_lags_for_delays(job, now, known))
+    grown = effect_rows(now.fit, now.setting, simulated, (*tested, *unsized[0], *unsized[1]))
     rows, folds = grown[: len(tested)], grown[len(tested) :]
     span = Span(now.fit, others, slope)
     found = _one_a_name(scores(span, tested, rows))
@@ -101,11 +105,35 @@ def look(
     rounded = frozenset(effect.name for effect, size in sized if within_rounding(effect, size, simulated))
     told = {one.effect.name for one in found if one.own > LITTLE_OWN}
     hidden = tuple(effect for effect in tested if effect.name not in told)
-    folded = moves_within(span, folds)
+    folded, either = _moved_by_unsized(span, unsized, folds)
     kept = [best.get(effect.name, effect) is effect and effect.name not in beyond for effect in tested]
     left = [entry for entry, stays in zip(zip(tested, rows, strict=True), kept, strict=True) if stays]
     shown, told_by = tuple(one for one, _ in left), tuple(row for _, row in left)
-    return Seen(found, hidden, shown, told_by, shapes, folded, rounded)
+    return Seen(found, hidden, shown, told_by, shapes, folded, rounded, either)
+
+
+def _lags_for_delays(job: Job, now: Freed, known: Sequence[Effect]) -> Iterator[Effect]:
+    """Yield a lag for each delay that is estimated: which of the two it is shows at high frequencies only."""
+    forces = {one.key for one in job.model.actuators}
+    sized = dict(zip(job.effects, job.all_sizes, strict=True)) | dict(zip(known, now.sizes, strict=True))
+    bent = {one.channel for one in sized if one.kind in LOW_PASSES}
+    delays = {channel: delay for channel, delay, _ in now.fit.delays}
+    delays |= {one.channel: size for one, size in sized.items() if one.kind == "delay"}
+    for channel, delay in delays.items():
+        if channel not in bent and delay:
+            yield lag_for_delay(channel, delay, channel in forces)
+
+
+def _moved_by_unsized(
+    span: Span, unsized: tuple[Sequence[Effect], Sequence[Effect]], grown: Sequence[Sequence[FloatArray]]
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return what folds and lags of sizes about 1 move, (c, c), and the channels whose lags matter."""
+    folds, lags = unsized
+    folded = moves_within(span, grown[: len(folds)])
+    lagging = moves_within(span, grown[len(folds) :], doubtful=True)
+    noise = np.diag(hac_covariance(span.fit, grown=False))
+    either = tuple(one.channel for one in lags) if np.any(np.diag(lagging) > noise) else ()
+    return folded + lagging, either
 
 
 def _without_noise(

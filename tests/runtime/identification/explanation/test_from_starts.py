@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.identification.explanation import explain_stretches
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.thresholds import SEARCHED
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.identification.explanation.test_simulated_directions import PLACES, servo
@@ -18,8 +22,11 @@ from tests.runtime.iv.physical.test_composite_iv import model_of
 from tests.runtime.iv.physical.test_zeros import CHAIN
 from tests.runtime.iv.physical.test_zeros import NOISE as UNSEEN_NOISE
 from tests.runtime.iv.physical.test_zeros import TRUTH as UNSEEN_TRUTH
+from tests.runtime.iv.shapes.chains import KNOWN, TWO
 
+Signals = Mapping[str, FloatArray]
 NOISE = {"q_m": 1e-6, "q_l": 1e-6}
+MOTOR_ALONE = '[sensors.s]\nq_m = { body = "m", measures = "position" }\n'
 
 
 def lagging(samples: FloatArray, samples_late: float) -> FloatArray:
@@ -68,3 +75,52 @@ def test_a_constant_force_behind_an_unseen_body_is_estimated_with_the_parameters
     assert spread["F_sm"] < 1e-3
     assert spread["F_vm"] < 3e-3
     assert spread["D_2"] < 5e-4
+
+
+def misread(model: Model, truth: dict[str, float], read: Callable[[Signals], Signals]) -> list[Record]:
+    """Return a chirp and a trapezoid, 2 s at 2 kHz each, with noise, of channels that are read wrongly."""
+    levels, found = {"T": 2e-3, "q_m": 3e-6, "a_c": 0.3}, []
+    for motion in ("chirp", "trapezoid"):
+        clean = simulate(model, truth, motion, fs=2000.0, duration_s=2.0, oversample=40).record.signals
+        signals = read({key: np.asarray(clean[key]) for key in levels if key in clean})
+        rng = np.random.default_rng(len(found))
+        noisy = {key: line + levels[key] * rng.standard_normal(len(line)) for key, line in signals.items()}
+        found.append(Record(noisy, 2000.0, motion))
+    return found
+
+
+@pytest.mark.slow
+def test_a_force_behind_a_lag_is_told_from_the_motor_alone() -> None:
+    """Its delay is found, and the lag is taken for inertia where it is not estimated."""
+    over, under, _ = cont2discrete(([1.0], [0.8, 1.0]), 1.0, "foh")
+
+    def commanded(signals: Signals) -> Signals:
+        first = signals["T"][0]
+        return {**signals, "T": np.asarray(lfilter(under, over.ravel(), signals["T"] - first) + first)}
+
+    model = model_of(TWO + MOTOR_ALONE, "s")
+    found = identify(model, misread(model, KNOWN, commanded))
+    assert any("T acts behind a lag" in one.what for one in found.checks.advice)
+    for entry in found.parameters.physical:
+        assert abs(entry.value - KNOWN[entry.name]) < 3.0 * entry.std
+    assert found.physical["J_m"] == pytest.approx(KNOWN["J_m"], rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_sensor_that_is_late_is_found_with_physical_parameters() -> None:
+    """Rows of an accelerometer and a motor's encoder hold composites of more parameters than they have."""
+    chain = TWO.replace('inertia = "J_c"', 'inertia = "J_c"\nviscous = "F_vc"')
+    model = model_of(chain + MOTOR_ALONE + 'a_c = { body = "c", measures = "acceleration" }\n', "s")
+    truth = {**KNOWN, "F_vc": 0.01}
+
+    def late(signals: Signals) -> Signals:
+        t = np.arange(len(signals["a_c"]))
+        return {**signals, "a_c": CubicSpline(t, signals["a_c"])(t - 0.6)}
+
+    found = identify(model, misread(model, truth, late))
+    assert found.fit.notes[0] == "method iv, in the physical parameters"
+    assert any("q_m is early by 300 us" in one.what for one in found.checks.advice)
+    for entry in found.parameters.physical:
+        assert abs(entry.value - truth[entry.name]) < 3.0 * entry.std
+    assert found.parameters.physical[-1].name == "K"
+    assert found.parameters.physical[-1].std < 1e-3 * KNOWN["K"]
