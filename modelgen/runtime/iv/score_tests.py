@@ -132,35 +132,31 @@ def moves_within(span: Span, grown: Sequence[Sequence[FloatArray]], doubtful: bo
     """Return what effects move whose sizes are known to be about 1 at most, as a mean square, shape (c, c).
 
     They are not estimated, but what the residual says of a size counts: the mean square is that of a normal
-    one with the standard deviation 1, given the residual. What moves nothing by more than rounding is left
-    out: the instants at which it acts are not used. `grown` is as in `scores`. What is `doubtful` is as
-    likely not there at all (a spike and a slab, Mitchell and Beauchamp 1988).
+    one with the standard deviation 1, given the residual; what is `doubtful` is as likely not there at all
+    (Mitchell and Beauchamp 1988). What moves nothing by more than rounding is left out: the instants at which
+    it acts are not used. `grown` is as in `scores`.
     """
     fit, slope = span.fit, span.slope
     total = np.zeros((len(fit.columns),) * 2)
     seen = [column for column in grown if any(part.any() for part in column)]
     if not seen:
         return total
-    r = span.left
-    told = span.compared(seen, r)
+    told = span.compared(seen, span.left)
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit, grown=False)), 0.0))
     for place, column in enumerate(seen):
         share, odds, power = 0.0, 1.0, float(told.power[place])
         size = float(told.along[place]) / power if power > 0.0 else 0.0
         if power > LEAST_OWN_SHARE * float(told.whole[place]):
-            (std,) = _deviations(fit, r, span.apart(stacked(fit, column)), size, power, (USUAL,))
-            share = 1.0 / (1.0 + std**2)
-            odds = (
-                float(np.exp(-0.5 * share * (size / std) ** 2) / np.sqrt(1.0 - share)) if std > 0.0 else 0.0
-            )
+            (std,) = _deviations(fit, span.left, span.apart(stacked(fit, column)), size, power, (USUAL,))
+            share, std = 1.0 / (1.0 + std**2), max(std, np.finfo(float).eps)
+            odds = float(np.exp(-0.5 * share * (size / std) ** 2) * np.sqrt(1.0 + 1.0 / std**2))
         if fit.white is not None:
             move = fit.white.moved(column)[: len(fit.columns)]
         else:
             move = told.share[:, place] if slope is None else slope @ told.share[:, place]
         if np.all(np.abs(move) <= LEAST_DRIFT * spread):
             continue
-        there = 1.0 / (1.0 + odds) if doubtful else 1.0
-        total += there * (share**2 * size**2 + 1.0 - share) * np.outer(move, move)
+        total += (share**2 * size**2 + 1.0 - share) / (1.0 + odds * doubtful) * np.outer(move, move)
     return total
 
 
