@@ -9,7 +9,13 @@ import numpy as np
 
 from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.iv.companion_simulation import Simulated
-from modelgen.runtime.iv.thresholds import LARGEST_CLOCK, LARGEST_LAG, LATE_SHARE, LATE_TOLERANCE
+from modelgen.runtime.iv.thresholds import (
+    LARGEST_CLOCK,
+    LARGEST_GAIN,
+    LARGEST_LAG,
+    LATE_SHARE,
+    LATE_TOLERANCE,
+)
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
@@ -135,7 +141,8 @@ class Effect:
 
     def runs_away(self, size: float, fs: float) -> bool:
         """Tell whether a size is no small misalignment any more; fs in Hz."""
-        return self.samples(size, fs) > LARGEST_LAG or (self.kind == "clock" and abs(size) > LARGEST_CLOCK)
+        largest = {"clock": LARGEST_CLOCK, "gain": LARGEST_GAIN}.get(self.kind, np.inf)
+        return self.samples(size, fs) > LARGEST_LAG or abs(size) > largest
 
     def follows(self, size: float, late: Mapping[str, float], fs: float) -> bool:
         """Tell whether a force can act behind a low-pass of this size: that much later than commanded.

@@ -156,7 +156,8 @@ LARGEST_LAG = 50.0
 # A force that acts behind a low-pass is late by this share of what that delays, give or take so many samples.
 LATE_SHARE, LATE_TOLERANCE = 0.5, 0.2
 # Clocks of quartz differ by some 1e-4, those of cheap converters by 1e-3; beyond this it is no clock.
-LARGEST_CLOCK = 0.01
+# What is off by more than this share of itself is another unit, or a dead channel, and no gain.
+LARGEST_CLOCK, LARGEST_GAIN = 0.01, 0.9
 # Done when nothing moves by more than this share of its standard deviation, or of its value.
 EFFECT_MOVE = 0.1
 # After so many rounds this multiple of that will do: slow rounds would go on for long.

@@ -120,7 +120,7 @@ def with_carried_effects(
     from modelgen.runtime.iv.told_effects import estimated
 
     carried = found.fit.carried
-    if carried is None or not carried.sizes:
+    if carried is None or not carried.sizes or found.effects:
         return found
     known = [size if one.edit else 0.0 for one, size in zip(job.effects, job.all_sizes, strict=True)]
     sizes = tuple(size + more for size, (more, _) in zip(known, carried.sizes, strict=True))

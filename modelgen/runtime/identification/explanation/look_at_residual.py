@@ -129,11 +129,13 @@ def _moved_by_unsized(
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Return what folds and lags of sizes about 1 move, (c, c), and the channels whose lags matter."""
     folds, lags = unsized
-    folded = moves_within(span, grown[: len(folds)])
-    lagging = moves_within(span, grown[len(folds) :], doubtful=True)
+    folded, either = moves_within(span, grown[: len(folds)]), list[str]()
     noise = np.diag(hac_covariance(span.fit, grown=False))
-    either = tuple(one.channel for one in lags) if np.any(np.diag(lagging) > noise) else ()
-    return folded + lagging, either
+    for lag, column in zip(lags, grown[len(folds) :], strict=True):
+        moved = moves_within(span, [column], doubtful=True)
+        folded = folded + moved
+        either += [lag.channel] * bool(np.any(np.diag(moved) > noise))
+    return folded, tuple(either)
 
 
 def _without_noise(
