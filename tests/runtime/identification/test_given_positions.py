@@ -15,7 +15,8 @@ from modelgen.runtime.identification.thresholds import POINT_TOLERANCE
 
 NAMES = ("K", "M", "D")
 MODEL: Any = SimpleNamespace(base_parameters=NAMES)
-JOB: Any = SimpleNamespace(model=MODEL, choice=SimpleNamespace(dynamics_hz=5.0, cutoff_hz=20.0))
+CHOICE = SimpleNamespace(dynamics_hz=5.0, cutoff_hz=20.0)
+JOB: Any = SimpleNamespace(model=MODEL, choice=CHOICE, records=())
 GOAL = np.array([3.0, 1.0, 2.0])
 TRIANGLE = np.array([[2.0, 1.0, 0.5, 0.0], [0.0, 3.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 FIT: Any = SimpleNamespace(columns=NAMES, triangle=TRIANGLE)
