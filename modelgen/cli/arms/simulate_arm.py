@@ -77,7 +77,8 @@ def recorded_set(arm: ArmSpec, asked: str | None) -> str | None:
 
 def mounted(arm: ArmSpec, sensor_set: str) -> tuple[MountedSensor, ...]:
     """Return the sensors of a set, those with three axes with their way from the base."""
-    from modelgen.runtime.simulation.arms.mounted_sensors import INERTIAL, MountedSensor, PlacedJoint
+    from modelgen.runtime.simulation.arms.mounted_sensors import INERTIAL, MountedSensor
+    from modelgen.runtime.simulation.arms.placed_joint import PlacedJoint
     from modelgen.spec.arms.poses import pose_of
 
     joints = {one.name: one for one in arm.joints}

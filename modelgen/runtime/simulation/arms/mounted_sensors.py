@@ -11,17 +11,15 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.simulation.arms.arm_coordinates import reading_of
 from modelgen.runtime.simulation.arms.arm_plant import ArmPlant
 from modelgen.runtime.simulation.arms.joint_motion import JointMotion
+from modelgen.runtime.simulation.arms.placed_joint import (
+    FrameMotion,
+    JointWay,
+    PlacedJoint,
+    base_motion,
+    moved_frame,
+)
 
 INERTIAL = ("gyro", "accelerometer")
-
-
-@dataclass(frozen=True, eq=False)
-class PlacedJoint:
-    """A joint on the way from the base: `placement`, shape (4, 4), is its frame at zero in that before it."""
-
-    name: str
-    kind: str
-    placement: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,44 +73,16 @@ def felt_channels(
 
     `q`, `v`, `a` are positions, speeds and accelerations of the links of `joints`, shape (joints, N) or more.
     """
-    lines = _link_motion(sensor, joints, q, v, a)[int(sensor.measures == "accelerometer")]
+    frame = _link_motion(sensor, joints, np.array([q, v, a]))
+    lines = frame.felt if sensor.measures == "accelerometer" else frame.speed
     return dict(zip(sensor.channels, lines, strict=True))
 
 
-def _link_motion(
-    sensor: MountedSensor, joints: Sequence[str], q: FloatArray, v: FloatArray, a: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return angular speed, and acceleration less gravity, of a sensor's frame in that, shape (3, N) each."""
-    speed, rise = np.zeros((2, 3, q.shape[1]))
-    felt = np.tile(-np.array(sensor.gravity, dtype=float)[:, None], q.shape[1])
+def _link_motion(sensor: MountedSensor, joints: Sequence[str], motion: FloatArray) -> FrameMotion:
+    """Return the motion of a sensor's frame, from that of joints, shape (3, joints, N)."""
+    found = base_motion(np.array(sensor.gravity, dtype=float), motion.shape[2])
     for joint in sensor.way:
-        felt = felt + _carried(speed, rise, joint.placement[:3, 3, None])
-        speed, rise, felt = (joint.placement[:3, :3].T @ one for one in (speed, rise, felt))
-        if joint.kind == "fixed":
-            continue
-        place = joints.index(joint.name)
-        rate = np.zeros_like(speed)
-        rate[2] = v[place]
-        if joint.kind == "prismatic":
-            slid = np.zeros_like(speed)
-            slid[2] = q[place]
-            felt = felt + _carried(speed, rise, slid) + 2.0 * _cross(speed, rate)
-            felt[2] += a[place]
-            continue
-        cosine, sine = np.cos(q[place]), np.sin(q[place])
-        speed, rise, felt = (
-            np.array([cosine * x + sine * y, cosine * y - sine * x, z]) for x, y, z in (speed, rise, felt)
-        )
-        rise = rise + _cross(speed, rate)
-        rise[2] += a[place]
-        speed = speed + rate
-    return speed, felt
-
-
-def _carried(speed: FloatArray, rise: FloatArray, arm: FloatArray) -> FloatArray:
-    """Return how much faster the end of an arm is than its origin, shape (3, N), in m/s^2."""
-    return _cross(rise, arm) + _cross(speed, _cross(speed, arm))
-
-
-def _cross(left: FloatArray, right: FloatArray) -> FloatArray:
-    return np.cross(left, np.broadcast_to(right, left.shape), axis=0)
+        fixed = joint.kind == "fixed"
+        own = np.zeros_like(motion[:, 0]) if fixed else motion[:, joints.index(joint.name)]
+        found = moved_frame(joint.kind, JointWay.of(joint, own[0]), own, found)
+    return found

@@ -13,7 +13,14 @@ from typing import Any
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.simulation.arms.mounted_sensors import PlacedJoint
+from modelgen.runtime.simulation.arms.placed_joint import (
+    FrameMotion,
+    JointWay,
+    PlacedJoint,
+    base_motion,
+    cross,
+    moved_frame,
+)
 
 #: Parameters of a link in the order that forces are computed from: inertia about the origin of its frame.
 OF_LINK = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
@@ -55,16 +62,14 @@ class PlacedLinks:
             Positions, speeds and accelerations of the joints that move, in rad or m and s.
         """
         count, size = motion.shape[2], len(self.joints)
-        still = np.zeros((3, count))
-        base = (still, still, np.broadcast_to(-self.gravity[:, None], (3, count)))
-        moved, ways, place = list[tuple[FloatArray, ...]](), list[_Way](), 0
+        base = base_motion(self.gravity, count)
+        moved, ways, place = list[FrameMotion](), list[JointWay](), 0
         for joint, parent in zip(self.joints, self.parents, strict=True):
             own = motion[:, place] if joint.kind != "fixed" else np.zeros((3, count))
             place += joint.kind != "fixed"
-            way = _Way.of(joint, own[0])
-            moved.append(_moved(joint.kind, way, own, *(base if parent < 0 else moved[parent])))
-            ways.append(way)
-        wrenches = [_wrench(link, *motion_of) for link, motion_of in zip(links, moved, strict=True)]
+            ways.append(JointWay.of(joint, own[0]))
+            moved.append(moved_frame(joint.kind, ways[-1], own, base if parent < 0 else moved[parent]))
+        wrenches = [_wrench(link, frame) for link, frame in zip(links, moved, strict=True)]
         exerted = []
         for index in range(size - 1, -1, -1):
             force, moment = wrenches[index]
@@ -74,41 +79,8 @@ class PlacedLinks:
             if parent >= 0:
                 force, moment = ways[index].back(force), ways[index].back(moment)
                 before = wrenches[parent]
-                wrenches[parent] = before[0] + force, before[1] + moment + _cross(ways[index].offset, force)
+                wrenches[parent] = before[0] + force, before[1] + moment + cross(ways[index].offset, force)
         return np.array(exerted[::-1])
-
-
-@dataclass(frozen=True, eq=False)
-class _Way:
-    """From a parent's frame to a joint's: a fixed rotation, a turn about z, and an offset in the parent's."""
-
-    rotation: FloatArray
-    turn: tuple[FloatArray, FloatArray] | None
-    offset: FloatArray
-
-    @staticmethod
-    def of(joint: PlacedJoint, position: FloatArray) -> _Way:
-        """Return the way of a joint at positions, shape (N,)."""
-        rotation, offset = joint.placement[:3, :3], np.repeat(joint.placement[:3, 3:], len(position), axis=1)
-        if joint.kind == "prismatic":
-            offset = offset + rotation[:, 2:] * position
-        turn = (np.cos(position), np.sin(position)) if joint.kind == "revolute" else None
-        return _Way(rotation, turn, offset)
-
-    def ahead(self, vector: FloatArray) -> FloatArray:
-        """Return vectors of the parent's frame, shape (3, N), in the joint's."""
-        vector = self.rotation.T @ vector
-        if self.turn is None:
-            return vector
-        (c, s), (x, y, z) = self.turn, vector
-        return np.array([c * x + s * y, c * y - s * x, z])
-
-    def back(self, vector: FloatArray) -> FloatArray:
-        """Return vectors of the joint's frame, shape (3, N), in the parent's."""
-        if self.turn is not None:
-            (c, s), (x, y, z) = self.turn, vector
-            vector = np.array([c * x - s * y, s * x + c * y, z])
-        return np.asarray(self.rotation @ vector)
 
 
 def placed_links(module: Any) -> PlacedLinks | None:
@@ -134,35 +106,11 @@ def _names(module: Any, joint: str) -> tuple[str, ...]:
     return tuple(kinds.get(kind, "") for kind in OF_LINK)
 
 
-def _moved(
-    kind: str, way: _Way, own: FloatArray, speed: FloatArray, rise: FloatArray, felt: FloatArray
-) -> tuple[FloatArray, ...]:
-    """Return speed and acceleration of a frame in that, (3, N) each, from those of its parent's, and its own.
-
-    `speed` and `rise` are angular, `felt` is linear and less gravity; `own` are position, speed and
-    acceleration of the joint, shape (3, N).
-    """
-    felt = way.ahead(felt + _cross(rise, way.offset) + _cross(speed, _cross(speed, way.offset)))
-    speed, rise = way.ahead(speed), way.ahead(rise)
-    if kind == "fixed":
-        return speed, rise, felt
-    across = np.array([speed[1] * own[1], -speed[0] * own[1], own[2]])
-    if kind == "prismatic":
-        return speed, rise, felt + across * np.array([[2.0], [2.0], [1.0]])
-    return speed + np.array([np.zeros_like(own[1]), np.zeros_like(own[1]), own[1]]), rise + across, felt
-
-
-def _wrench(
-    link: FloatArray, speed: FloatArray, rise: FloatArray, felt: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _wrench(link: FloatArray, frame: FrameMotion) -> tuple[FloatArray, FloatArray]:
     """Return force and moment about its frame's origin that a link needs, shape (3, N) each."""
+    speed, rise, felt = frame
     xx, xy, xz, yy, yz, zz = link[:6]
     inertia, first = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), link[6:9, None]
-    about = _cross(rise, first) + _cross(speed, _cross(speed, first))
+    about = cross(rise, first) + cross(speed, cross(speed, first))
     force = link[9] * felt + about
-    return force, inertia @ rise + _cross(speed, inertia @ speed) + _cross(first, felt)
-
-
-def _cross(left: FloatArray, right: FloatArray) -> FloatArray:
-    (a, b, c), (x, y, z) = left, right
-    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
+    return force, inertia @ rise + cross(speed, inertia @ speed) + cross(first, felt)
