@@ -112,13 +112,13 @@ def _grown(job: Job, effects: Sequence[Effect], index: int, point: FloatArray) -
     def rows_of(changed: Record) -> RecordRows:
         return unmasked_rows(model, changed, job.choice, job.choice.decimation[index], job.drop)
 
-    plain = rows_of(record).mixed(terms)
-    links = LinksInMotion(rows_of(record), record, index, point)
+    calm = rows_of(record)
+    plain, links = calm.mixed(terms), LinksInMotion(calm, record, index, point)
     for effect in effects:
         if isinstance(effect, LinkForce):
             yield links.grown(effect)
         elif isinstance(effect, RowForce):
-            yield force_rows(effect, job.model, record, job.choice, job.choice.decimation[index], job.drop)
+            yield force_rows(effect, calm, record, job.choice)
         else:
             size = tried_size(effect, record)
             # a record set right by so much lacks it

@@ -15,7 +15,7 @@ from modelgen.runtime.filters.one_pass import forward_and_backward
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.record_rows import RecordRows, unmasked_rows
+from modelgen.runtime.rows.record_rows import RecordRows
 
 Made = Callable[[Record, FilterChoice], FloatArray]
 
@@ -71,13 +71,10 @@ def summed_friction(model: Model) -> tuple[str, ...]:
     )
 
 
-def force_rows(
-    effect: RowForce, model: Model, record: Record, choice: FilterChoice, factor: int, drop: int
-) -> FloatArray:
+def force_rows(effect: RowForce, rows: RecordRows, record: Record, choice: FilterChoice) -> FloatArray:
     """Return how Y - W X grows per unit of a force, shape (rows, grid): it passes as a measured one does."""
-    rows = unmasked_rows(model, record, choice, factor, drop)
     force = passed(rows, record, effect.made(record, choice))
-    return np.array([effect.acts.get(row.name, 0.0) * force for row in model.rows])
+    return np.array([effect.acts.get(row.name, 0.0) * force for row in rows.plan.model.rows])
 
 
 def passed(rows: RecordRows, record: Record, force: FloatArray) -> FloatArray:

@@ -158,11 +158,12 @@ def with_shown_effects(begun: Begun, holds_known: bool = False) -> Begun:
     ties: dict[str, Sequence[tuple[Effect, float]]] = {}
     first, apart = begun, np.zeros((len(begun.found.fit.columns),) * 2)
     for _ in range(SHOWN_EFFECTS):
-        known = {effect.name for effect in with_carried_effects(begun.task.job, begun.found).effects}
-        shown = [one for one in begun.found.shown if holds_known or not one.like_a_hold]
         if not holds_known and not exceeding(begun):
             break
-        tried = [(one, _with(begun, one)) for one in shown if one.effect.name not in known]
+        found = with_carried_effects(begun.task.job, begun.found)
+        known = {effect.name for effect in found.effects}
+        shown = [one for one in found.shown if holds_known or not one.like_a_hold]
+        tried = [(one, _with(begun, found, one)) for one in shown if one.effect.name not in known]
         better = [(gained(begun, again), one, again) for one, again in tried if again is not None]
         better.sort(key=lambda entry: -entry[0])
         if not better or better[0][0] < AS_GOOD:
@@ -179,9 +180,12 @@ def with_shown_effects(begun: Begun, holds_known: bool = False) -> Begun:
     return begun_with(begun.task, replace(found, drift=found.drift + apart, unsolved=found.unsolved + apart))
 
 
-def _with(begun: Begun, shown: Shown) -> Begun | None:
-    """Return instruments in physical parameters with a further effect estimated; None where they fail."""
-    found, effect = with_carried_effects(begun.task.job, begun.found), shown.effect
+def _with(begun: Begun, found: Explained, shown: Shown) -> Begun | None:
+    """Return instruments in physical parameters with a further effect estimated; None where they fail.
+
+    `found` is what begun found, with the effects that it carries.
+    """
+    effect = shown.effect
     # a change of shape is linear, and intervals know of it
     effects = (*found.effects, effect, *effect.shape(len(begun.task.records)))
     job = replace(begun.task.job, effects=effects, sizes=(*found.sizes, shown.size))

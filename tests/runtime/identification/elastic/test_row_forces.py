@@ -9,6 +9,7 @@ from modelgen import Record, identify
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.elastic.row_forces import force_rows, row_forces, summed_friction
 from modelgen.runtime.rows.derived_channels import with_derived
+from modelgen.runtime.rows.record_rows import unmasked_rows
 from tests.runtime.identification.elastic.test_channels_set_right import FS, errors, exact, made, noisy, told
 
 
@@ -70,7 +71,8 @@ def test_a_force_passes_as_a_measured_one_does() -> None:
     (record,) = with_derived(model, [Record(read, FS, "arm")])
     choice = choose_filter(model, [record])
     (force,) = (one for one in row_forces(model) if one.name == "viscous friction at link 1")
-    rows = force_rows(force, model, record, choice, choice.decimation[0], 0)
+    plain = unmasked_rows(model, record, choice, choice.decimation[0], 0)
+    rows = force_rows(force, plain, record, choice)
     names = [row.name for row in model.rows]
     speed = np.gradient(read["link_position_1"], 1.0 / FS)
     own = rows[names.index("1 link")]
