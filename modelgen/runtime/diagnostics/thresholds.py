@@ -145,6 +145,7 @@ UNIT_FACTOR = 200.0
 TURNED_UNITS = {
     "rad": {57.29578: "degrees", 6.283185: "revolutions"},
     "rad/s": {57.29578: "degrees", 6.283185: "revolutions", 9.549297: "revolutions per minute"},
+    "rad/s^2": {57.29578: "degrees", 6.283185: "revolutions"},
 }
 UNIT_TOLERANCE = 0.2
 # Two bodies move against each other where one moves at most so many times as far as the other.

@@ -3,15 +3,16 @@
 An estimate from swapped channels need not look wrong: least squares pulls the row that no longer holds
 towards zero and explains the rest. So where a value contradicts physics, or a row explains little, two
 channels at a time are exchanged, or one is reversed, and the rows are solved again: those of the middle of a
-long record.
+long record. What no change of all records mends may be wrong in some of them alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from modelgen.runtime.identification.choose_cutoff import part_tried
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.refusals import dependent_columns, unanswered
-from modelgen.runtime.identification.thresholds import BETTER, OVER_NOISE, TRIES, UNEXPLAINED
+from modelgen.runtime.identification.thresholds import AS_LITTLE, BETTER, OVER_NOISE, TRIES, UNEXPLAINED
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
@@ -50,17 +51,19 @@ class _Sense:
 
     job: Job
     fit: Fit
-    rows: Container[tuple[int, int]] | None = None
+    rows: frozenset[tuple[int, int]] | None = None
 
     @cached_property
     def unexplained(self) -> float:
         """What share of its terms the worst row leaves."""
-        left = [0.0]
+        left, looked_at = [0.0], set[tuple[int, int]]()
         for index, block in enumerate(self.fit.blocks):
+            looked_at.add((block.record, block.row))
             if self.rows is None or (block.record, block.row) in self.rows:
                 share = self.fit.unexplained(index)
                 left.append(1.0 if share is None else share)
-        return max(left)
+        # a row that is not used is not explained
+        return max(left) if self.rows is None or self.rows <= looked_at else max(1.0, *left)
 
     @cached_property
     def impossible(self) -> int:
@@ -91,6 +94,14 @@ class _Sense:
         return not other.impossible
 
 
+class _Mended(NamedTuple):
+    """A change of the channels of some records, and the fit that it mends."""
+
+    sense: _Sense
+    change: _Change
+    places: Sequence[int]
+
+
 def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
     """Return what exchanging or reversing channels would mend; empty where nothing needs it.
 
@@ -118,32 +129,63 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
         # composites that are free of each other explain by terms that cancel what physical values leave
         given = _Sense(job, run(job)[1], rows)
     still = [key for key in job.model.channels if not any(_spans(record, key) for record in job.records)]
-    tried: list[tuple[_Sense, _Change]] = []
-    for change in list(_changes(job.model, still))[:TRIES]:
-        try:
-            other = _changed(job, change)
-            found = _Sense(other, run(other)[1], rows)
-            if given.mended_by(found):
-                tried.append((found, change))
-        except ModelgenError:
-            continue
-    return (_told(job, given, *min(tried, key=lambda entry: entry[0].unexplained)),) if tried else ()
+    changes = list(_changes(job.model, still))
+    for group in ([tuple(range(len(parts)))], _unlike_others(fit, len(parts))):
+        tried: list[_Mended] = []
+        for places, change in product(group, changes[:TRIES]):
+            try:
+                other = _changed(job, change, places)
+                found = _Sense(other, run(other)[1], rows)
+                if given.mended_by(found):
+                    tried.append(_Mended(found, change, places))
+            except ModelgenError:
+                continue
+        if tried:
+            return (_told(job, given, tried),)
+    return ()
+
+
+def _unlike_others(fit: Fit, count: int) -> list[tuple[int, ...]]:
+    """Return which of so many records may have wrong channels: those that explain little, or all others.
+
+    The sum of all decides which of the two the values follow. Of two records that both explain little it may
+    be either.
+    """
+    shares = [fit.unexplained(index) for index in range(len(fit.blocks))]
+    little = {
+        block.record
+        for block, share in zip(fit.blocks, shares, strict=True)
+        if share is None or share >= UNEXPLAINED
+    }
+    if count == 2 and len(little) != 1:
+        little = {0}
+    parts = tuple(sorted(little)), tuple(sorted(set(range(count)) - little))
+    return [*parts] if all(parts) else []
 
 
 def _spans(record: Record, key: str) -> bool:
     return key in record.signals and record.facts.extent(key).span > 0.0
 
 
-def _told(job: Job, given: _Sense, found: _Sense, change: _Change) -> Advice:
-    names = ", ".join(record.name for record in job.records)
-    samples = max(record.n for record in job.records)
+def _told(job: Job, given: _Sense, tried: Sequence[_Mended]) -> Advice:
+    """Return what is said of the change that leaves least, and of those that leave as much."""
+    found, change, places = min(tried, key=lambda one: one.sense.unexplained)
+    alike = [
+        one.change.channels
+        for one in tried
+        if (one.change.words, one.places) == (change.words, places)
+        and one.sense.unexplained <= (1.0 + AS_LITTLE) * found.unexplained
+    ]
+    records = [job.records[place] for place in places]
+    names = ", ".join(record.name for record in records)
+    samples = max(record.n for record in records)
     what = f"may be {change.words}: "
     if given.explained_by(found):
         what += f"the worst row then leaves {100.0 * found.unexplained:.3g} % of its largest term unexplained"
         what += f" (now {100.0 * given.unexplained:.3g} %)"
     else:
         what += f"then no value is negative that cannot be ({given.impossible} are now)"
-    where = f"{names}, channel {change.channels}, samples 0 to {samples - 1}"
+    where = f"{names}, channel {' or '.join(alike)}, samples 0 to {samples - 1}"
     return Advice("swapped", where, what, "check which column is which channel, and their signs (--map)")
 
 
@@ -182,8 +224,11 @@ def _mirrored(samples: FloatArray, _: int) -> FloatArray:
     return -samples
 
 
-def _changed(job: Job, change: _Change) -> Job:
-    records = tuple(change.apply(record) for record in job.records)
+def _changed(job: Job, change: _Change, places: Container[int]) -> Job:
+    """Return a job whose records at these places are changed."""
+    records = tuple(
+        change.apply(record) if place in places else record for place, record in enumerate(job.records)
+    )
     choice = job.choice if change.alike else choose_filter(job.model, records)
     return replace(job, records=records, choice=choice)
 

@@ -16,7 +16,9 @@ UNEXPLAINED = 0.9
 # and an exchange is reported if it leaves less than this share of what the worst row left before; or,
 # where values were impossible, if none is any more and no row leaves this share of its largest term.
 BETTER = 0.5
-# Solving again costs as much as the estimate: so many times at most.
+# Changes that leave as much but for this share are told apart by nothing: a force reversed, or all else.
+AS_LITTLE = 0.01
+# Solving again costs as much as the estimate: so many times at most for all records, or a part of them.
 TRIES = 12
 
 # Instruments of stretches tell that a force is late by more than so many standard deviations of its delay.

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from generated import emps300_qm_ac, emps300_qm_qc, three_mass_qa_qb_qc, two_mass_bench_qm_qc
+from generated import emps300_qm_ac, emps300_qm_qc, emps_rigid_qm, three_mass_qa_qb_qc, two_mass_bench_qm_qc
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
@@ -91,6 +91,23 @@ def test_a_reversed_channel_is_found(sensors: str, key: str) -> None:
     (found,) = advice({"qc": QC, "ac": AC}[sensors], reversed_(experiments(sensors), key))
     assert f"channel {key}, samples" in found.where
     assert found.what.startswith("may be reversed in sign: ")
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_a_channel_that_is_reversed_in_one_record_is_found_there(place: int) -> None:
+    records = list(experiments("qc"))
+    records[place] = reversed_(records, "Gamma_m")[place]
+    (found,) = advice(QC, records)
+    assert found.where == f"{records[place].name}, channel Gamma_m, samples 0 to 19999"
+    assert found.what.startswith("may be reversed in sign: the worst row then leaves")
+
+
+def test_what_leaves_as_much_either_way_is_named_with_the_other() -> None:
+    model = model_from_module(emps_rigid_qm)
+    values = next(iter(model.parameter_sets.values()))
+    record = simulate(model, values, "trapezoid", fs=2000.0, duration_s=2.0, noise={"q_m": 2e-5}).record
+    (found,) = advice(model, reversed_([record], "q_m"))
+    assert "channel q_m or F, samples" in found.where
 
 
 @pytest.mark.parametrize(("one", "other"), [("q_m", "q_c"), ("q_m", "i")])

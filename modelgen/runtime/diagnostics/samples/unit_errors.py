@@ -128,8 +128,8 @@ def _off_way(
 
 def _known_factor(model: Model, one: Sensor, other: Sensor, ratio: float) -> str:
     """Return in which unit one of two sensors is whose ratio only that accounts for, empty for none."""
-    alike = one.unit == other.unit and one.unit in TURNED_UNITS and moves_as_one(model)
-    for factor, unit in TURNED_UNITS[one.unit].items() if alike else ():
+    units = [TURNED_UNITS.get(sensor.unit, {}) for sensor in (one, other)]
+    for factor, unit in {**units[0], **units[1]}.items() if all(units) and moves_as_one(model) else ():
         if abs(abs(np.log(ratio)) - np.log(factor)) < UNIT_TOLERANCE:
             return unit
     return ""

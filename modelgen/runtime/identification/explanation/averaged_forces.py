@@ -16,7 +16,12 @@ import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.identification.explanation.explained import Begun, late_forces, with_note
+from modelgen.runtime.identification.explanation.explained import (
+    Begun,
+    late_forces,
+    on_common_samples,
+    with_note,
+)
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LONGEST_MEAN, SHORTEST_MEAN, WHOLE_SAMPLE
@@ -96,7 +101,8 @@ def _gained(begun: Begun, other: Begun) -> float:
     What needs further effects has to leave less for each.
     """
     further = _estimated(other) - _estimated(begun)
-    return begun.found.fit.misfit - other.found.fit.misfit - AS_LIKELY * max(further, 0)
+    before, after = on_common_samples([begun.found.fit, other.found.fit])
+    return before.misfit - after.misfit - AS_LIKELY * max(further, 0)
 
 
 def _estimated(begun: Begun) -> int:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import BoolArray, FloatArray
 from modelgen.runtime.advice import Advice, noted
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise, row_noise
 from modelgen.runtime.filter_choice.signal_to_noise import noise_band
@@ -174,9 +174,9 @@ def gained(before: Begun, after: Begun, recorded: Job | None = None, held: Colle
 
     `recorded` has the records of both as they were, and `held` are channels that are held in `after`. Where
     either leaves clearly more than noise it is an error of the forces that is left, which no low-pass of a
-    sensor makes less of: misfits are compared as they are.
+    sensor makes less of: misfits are compared as they are. Only samples count that both use.
     """
-    fits = before.found.fit, after.found.fit
+    fits = on_common_samples([before.found.fit, after.found.fit])
     if exceeding(before) and exceeding(after):
         return fits[0].misfit - fits[1].misfit
     one, other = before.found, after.found
@@ -184,6 +184,39 @@ def gained(before: Begun, after: Begun, recorded: Job | None = None, held: Colle
     job = recorded or after.task.job
     # what encoders round is no part of either: of motions that hardly differ it would differ by chance
     return left - unlikely(job, fits[1], other.effects, other.sizes, held, fits[0].simulated)
+
+
+def on_common_samples(fits: Sequence[Fit]) -> list[Fit]:
+    """Return fits of the same rows with the samples that all of them use, for comparisons of what is left.
+
+    A delay, or another direction, moves the samples that feel a reversal: what is left out of some, or is in
+    addition, is no evidence. Samples that are not kept in memory, and other grids, stay as they are.
+    """
+    blocks = [{(block.record, block.row): block for block in fit.blocks} for fit in fits]
+    keys = set.intersection(*(set(one) for one in blocks)) if blocks else set()
+    kept = all(block.in_memory for one in blocks for block in one.values())
+    if not keys or not kept or any(len({one[key].grid for one in blocks}) > 1 for key in keys):
+        return list(fits)
+    marked = {}
+    for key in keys:
+        marked[key] = np.zeros(blocks[0][key].grid, dtype=bool)
+        for one in blocks:
+            marked[key] |= np.bincount(one[key].place, minlength=one[key].grid) == 0
+    return [_without(fit, marked) for fit in fits]
+
+
+def _without(fit: Fit, marked: Mapping[tuple[int, int], BoolArray]) -> Fit:
+    """Return a fit without samples that are marked on the grid of its rows, and without other rows."""
+    parts = []
+    for place, block in enumerate(fit.blocks):
+        out = marked.get((block.record, block.row))
+        if out is not None and not out.all():
+            residual = fit.residuals[place][~out[block.place]]
+            parts.append((block.without(out), fit.weights[place], residual))
+    blocks, weights, residuals = (
+        zip(*parts, strict=True) if parts else (fit.blocks, fit.weights, fit.residuals)
+    )
+    return replace(fit, blocks=tuple(blocks), weights=tuple(weights), residuals=residuals, projected=None)
 
 
 def unlikely(

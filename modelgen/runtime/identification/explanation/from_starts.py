@@ -22,6 +22,7 @@ from modelgen.runtime.identification.explanation.explained import (
     begun_with,
     exceeding,
     gained,
+    on_common_samples,
     run_method,
     with_carried_effects,
 )
@@ -64,8 +65,8 @@ def with_starts(task: Task, method: IV) -> Begun | None:
     if not found:
         return None
     # of those that leave as little, the one that needs least for it
-    most = min(freed.fit.misfit for _, freed in found) + AS_LIKELY
-    alike = [entry for entry in found if entry[1].fit.misfit < most]
+    left = [fit.misfit for fit in on_common_samples([freed.fit for _, freed in found])]
+    alike = [entry for entry, misfit in zip(found, left, strict=True) if misfit < min(left) + AS_LIKELY]
     start, freed = min(alike, key=lambda entry: len(entry[0].effects))
     none, effects = np.zeros((len(freed.fit.columns),) * 2), start.effects
     told = Explained(freed.observation, freed.fit, effects, freed.sizes, none, ())

@@ -19,7 +19,12 @@ from modelgen.runtime.identification.explanation.explain_stretches import (
     long,
     timing_by_stretches,
 )
-from modelgen.runtime.identification.explanation.explained import Begun, run_method, with_note
+from modelgen.runtime.identification.explanation.explained import (
+    Begun,
+    on_common_samples,
+    run_method,
+    with_note,
+)
 from modelgen.runtime.identification.explanation.other_weights import other_weights
 from modelgen.runtime.identification.explanation.simulated_directions import directed, takes_directions
 from modelgen.runtime.identification.job import Job
@@ -172,7 +177,7 @@ def _run(task: Task, job: Job, method: Method, fit: Fit) -> tuple[Job, Begun]:
     with suppress(IdentifiabilityError, DataError):
         turned = directed(job, fit)
         found = run_method(replace(task, job=turned), method)
-        better = found.found.fit.misfit <= plain.found.fit.misfit
-        return (turned, found) if better else (job, plain)
+        before, after = on_common_samples([plain.found.fit, found.found.fit])
+        return (turned, found) if after.misfit <= before.misfit else (job, plain)
     calm = replace(job, turns=False)
     return calm, run_method(replace(task, job=calm), method)

@@ -10,7 +10,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.identification.explanation.explained import unlikely
+from modelgen.runtime.identification.explanation.explained import on_common_samples, unlikely
 from modelgen.runtime.identification.explanation.look_at_residual import (
     Seen,
     believable,
@@ -118,9 +118,9 @@ class Search:
 
     def _leads_on(self, effects: Sequence[Effect], freed: Freed) -> bool:
         """Tell whether effects are new together, and leave no more a sample than those estimated now."""
-        now, fit, fewer = self.now.fit, freed.fit, max(len(self.effects) + 1 - len(effects), 0)
-        more = fit.misfit * now.count / fit.count - now.misfit
-        return _names(effects) not in self.before and more < AS_LIKELY * (1 + fewer)
+        fits = on_common_samples([self.now.fit, freed.fit])
+        most = AS_LIKELY * (1 + max(len(self.effects) + 1 - len(effects), 0))
+        return _names(effects) not in self.before and fits[1].misfit - fits[0].misfit < most
 
     def told(self, seen: Seen) -> list[bool]:
         """Tell of each effect that is estimated whether it is certain, and large enough to be named."""
@@ -135,10 +135,10 @@ class Search:
         least = normal_beyond(0.5 * LEVEL)
         for effect in shapes:
             found = self._freed(effect)
-            if found is None or found[1].fit.misfit > self.now.fit.misfit - AS_LIKELY:
-                continue
-            if found[1].sizes[-1] > least * found[1].stds[-1]:
-                yield found[0][-1], *found
+            if found is not None and found[1].sizes[-1] > least * found[1].stds[-1]:
+                now, fit = on_common_samples([self.now.fit, found[1].fit])
+                if fit.misfit < now.misfit - AS_LIKELY:
+                    yield found[0][-1], *found
 
     def _holding(self, score: Score, *advice: Advice) -> Search:
         """Return the search at its end, with what a score moves in the intervals."""
@@ -241,11 +241,11 @@ class Search:
 
         Forces are late more often than sensors, and either more often than it has a clock of its own.
         """
-        # half a chi square
-        left = [freed.fit.misfit for _, _, freed in tried]
-        low_pass = any(LOW_PASSES & {one.kind for one in every} for _, every, _ in tried)
-        if low_pass and any(leaves_noise(self.job, freed.fit) for _, _, freed in tried):
-            left = [unlikely(self.job, freed.fit, every, freed.sizes) for _, every, freed in tried]
+        fits = on_common_samples([freed.fit for _, _, freed in tried])
+        left, every_kind = [fit.misfit for fit in fits], {one.kind for _, every, _ in tried for one in every}
+        if LOW_PASSES & every_kind and any(leaves_noise(self.job, freed.fit) for _, _, freed in tried):
+            entries = zip(fits, tried, strict=True)
+            left = [unlikely(self.job, fit, every, freed.sizes) for fit, (_, every, freed) in entries]
         equals = [one for one, misfit in zip(tried, left, strict=True) if misfit < min(left) + AS_LIKELY]
         (effect, effects, freed), *others = sorted(equals, key=lambda entry: self._rarity(entry[0]))
         equal = tuple(Equal(one, found.sizes[-1], found.fit.solution.x) for one, _, found in others)

@@ -53,6 +53,16 @@ def test_an_encoder_in_another_unit_is_told_with_that_unit(factor: float, unit: 
     assert what.endswith(f"what q_m says at low frequencies: one of them may be in {unit}")
 
 
+def test_an_encoder_in_degrees_is_told_from_an_accelerometer_as_well() -> None:
+    model = model_of(ACCELERATION, "motor")
+    noise = {"q_m": 1e-5, "a_l": 1e-2}
+    record = simulate(model, TRUTH, "chirp", fs=1000.0, duration_s=3.0, noise=noise).record
+    record = record.edited({"q_m": np.degrees(record.signals["q_m"])})
+    ((kind, what),) = [(one.kind, one.what) for one in unlike_units(model, record, ("q_m", "a_l"))]
+    assert kind == "unit"
+    assert what.endswith("what q_m says at low frequencies: one of them may be in degrees")
+
+
 @pytest.mark.slow
 def test_an_encoder_that_is_reversed_is_told_by_its_motion() -> None:
     ((kind, what),) = said(with_load(-1.0))

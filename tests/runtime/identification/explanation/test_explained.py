@@ -5,8 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from modelgen.runtime.identification.explanation.explained import gained, run_method
+from modelgen.runtime.identification.explanation.explained import (
+    Begun,
+    gained,
+    on_common_samples,
+    run_method,
+)
 from modelgen.runtime.identification.methods import IV, Auto
 from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.identification.task import prepared
@@ -22,9 +28,33 @@ def rounded(record: Record) -> Record:
     return Record(read, record.fs, record.name)
 
 
+def instruments(records: list[Record]) -> Begun:
+    return run_method(prepared(SMALL, records, Auto(), Filters(), CheckOptions()), IV())
+
+
+def test_samples_that_one_of_two_leaves_out_are_no_evidence() -> None:
+    begun = instruments(list(two_mass_records()))
+    fit = begun.found.fit
+    block, *others = fit.blocks
+    marked = np.arange(block.grid) % 3 == 0
+    less = replace(
+        fit,
+        blocks=(block.without(marked), *others),
+        residuals=(fit.residuals[0][~marked[block.place]], *fit.residuals[1:]),
+    )
+    assert abs(less.misfit - fit.misfit) > 100.0
+    both = on_common_samples([fit, less])
+    assert [one.misfit for one in both] == pytest.approx([less.misfit] * 2, abs=1e-6)
+    # a record that only one of them uses says nothing, either
+    fewer = replace(less, blocks=less.blocks[:1], residuals=less.residuals[:1], weights=less.weights[:1])
+    both = on_common_samples([fit, fewer])
+    assert both[0].misfit == pytest.approx(both[1].misfit, abs=1e-6)
+    other = replace(begun, found=replace(begun.found, fit=less))
+    assert gained(begun, other) == pytest.approx(0.0, abs=1e-6)
+
+
 def test_what_encoders_make_of_motions_that_hardly_differ_decides_nothing() -> None:
-    records = [rounded(record) for record in two_mass_records()]
-    begun = run_method(prepared(SMALL, records, Auto(), Filters(), CheckOptions()), IV())
+    begun = instruments([rounded(record) for record in two_mass_records()])
     fit = begun.found.fit
     assert fit.simulated
     # by a third of a step: what is rounded differs everywhere
