@@ -51,7 +51,7 @@ STEPS_TAKEN = 2e-3
 # Nearer to half a sample than this delays are not known, in samples.
 LEAST_APART = 0.01
 # Rounds in which a command is taken as held, at most; done when it moves by less than this share of a sample.
-HELD_ROUNDS, HELD_SETTLED = 3, 1e-3
+HELD_ROUNDS, HELD_SETTLED = 3, 5e-3
 # Directions change at instants that are known to this share of a sample at best: speeds are read at samples,
 # and bend in between.
 KNOWN_INSTANT = 0.02

@@ -26,7 +26,14 @@ from modelgen.runtime.iv.physical.starting_values import (
     vanished_names,
     with_shared_friction,
 )
-from modelgen.runtime.iv.thresholds import HELD_DELAY, HELD_PARTS, HELD_ROUNDS, HELD_STARTS, RESPONSE_CLOSE
+from modelgen.runtime.iv.thresholds import (
+    HELD_DELAY,
+    HELD_PARTS,
+    HELD_ROUNDS,
+    HELD_STARTS,
+    MANY_TIMES,
+    RESPONSE_CLOSE,
+)
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
@@ -60,6 +67,9 @@ def fit_composites_iv(
         found = fit_physical_iv(setting, rows, on_time, _start_near(model, near), rules, settled=True)
         return found.observation, found.fit
     first = fit_matched(rows(tuple(setting.records)))
+    near_by = begin is not None and known_delays is not None
+    # an estimate of nearly the same records is not that far off
+    rules = replace(rules, farthest=MANY_TIMES) if near_by else rules
     plain = replace(rules, robust=False, bounded=False)
 
     def beginnings() -> Iterator[Beginning]:
@@ -71,11 +81,11 @@ def fit_composites_iv(
             yield from _beginnings(setting, rows, late, first)
 
     try:
-        found = _first_found(setting, rows, beginnings(), plain)
+        found = _first_found(setting, rows, beginnings(), plain, near_by)
     except IdentifiabilityError:
         if rules == plain:
             raise
-        found = _first_found(setting, rows, beginnings(), rules)
+        found = _first_found(setting, rows, beginnings(), rules, near_by)
         return found.observation, found.fit
     delays = {channel: delay for channel, delay, _ in found.fit.delays}
     if rules.robust:
@@ -120,11 +130,14 @@ def _beginnings(setting: Setting, rows: Rows, late: tuple[str, ...], first: Fit)
     yield from ((start, on_time) for start in starts)
 
 
-def _first_found(setting: Setting, rows: Rows, beginnings: Iterable[Beginning], rules: Rules) -> Found:
+def _first_found(
+    setting: Setting, rows: Rows, beginnings: Iterable[Beginning], rules: Rules, near: bool
+) -> Found:
     """Return the first estimate that knows its chain, else one whose delays are held, else any.
 
     What no machine is (friction far below zero) is one of several chains that belong to the same rows: the
-    others are looked for, and the least impossible one is taken.
+    others are looked for, and the least impossible one is taken. From `near` the solution steps in delays do
+    not lead away: what does not come to rest there does not with held delays.
     """
     failures, doubtful, tried = [], list[Found](), list[Beginning]()
     for start, delays in beginnings:
@@ -149,7 +162,7 @@ def _first_found(setting: Setting, rows: Rows, beginnings: Iterable[Beginning], 
         )
         for part in HELD_PARTS
         for start, delays in tried[:HELD_STARTS]
-        if delays
+        if delays and not near
     )
     known = next((found for found in held if found is not None), None)
     if known is not None or doubtful:

@@ -22,6 +22,7 @@ from modelgen.runtime.iv.physical.friction_rows import (
     instruments_with_friction,
     with_friction,
 )
+from modelgen.runtime.iv.thresholds import FARTHEST
 from modelgen.runtime.least_squares.delays import delay_rates
 from modelgen.runtime.least_squares.efficient_weights import block_whiteners
 from modelgen.runtime.least_squares.fit import CarriedOver, Fit
@@ -37,11 +38,15 @@ from modelgen.runtime.records.record import Record
 
 @dataclass(frozen=True)
 class Rules:
-    """What a step keeps to: robust weights, nothing below zero that cannot be, and what is held at zero."""
+    """What steps keep to: robust weights, nothing below zero that cannot be, and what is held at zero.
+
+    No parameter gets `farthest` times smaller or larger than at the start.
+    """
 
     robust: bool = False
     bounded: bool = False
     at_zero: tuple[str, ...] = ()
+    farthest: float = FARTHEST
 
 
 @dataclass(frozen=True, eq=False)

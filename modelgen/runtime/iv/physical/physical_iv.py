@@ -27,7 +27,6 @@ from modelgen.runtime.iv.thresholds import (
     COMPOSITE_MOVE,
     COMPOSITE_ROUNDS,
     CREEPING_ROUNDS,
-    FARTHEST,
     HOPELESS,
     LARGEST_STEP,
     LATER_MOVE,
@@ -171,7 +170,7 @@ def fit_physical_iv(
         if near and _linear(model, now, move, spread, rules):
             move = steps.combined(now.vector, move, spread)
         now = _moved(model, now, move, sample, rules)
-        _refuse_led_away(_led_away(model, now.p, first, rules, FARTHEST))
+        _refuse_led_away(_led_away(model, now.p, first, rules, rules.farthest))
     raise _restless(model, x[:c], spread[:c], done)
 
 
