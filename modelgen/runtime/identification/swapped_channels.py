@@ -129,10 +129,13 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
         # composites that are free of each other explain by terms that cancel what physical values leave
         given = _Sense(job, run(job)[1], rows)
     still = [key for key in job.model.channels if not any(_spans(record, key) for record in job.records)]
-    changes = list(_changes(job.model, still))
-    for group in ([tuple(range(len(parts)))], _unlike_others(fit, len(parts))):
+    changes = list(_changes(job.model, still))[:TRIES]
+    # channels of one kind only, in some of the records: noise may look like any other exchange
+    alike = [change for change in changes if change.alike]
+    unlike = product(_unlike_others(fit, len(parts)), alike)
+    for group in ([(tuple(range(len(parts))), change) for change in changes], unlike):
         tried: list[_Mended] = []
-        for places, change in product(group, changes[:TRIES]):
+        for places, change in group:
             try:
                 other = _changed(job, change, places)
                 found = _Sense(other, run(other)[1], rows)

@@ -131,7 +131,7 @@ def _beginnings(setting: Setting, rows: Rows, late: tuple[str, ...], first: Fit)
 
 
 def _first_found(
-    setting: Setting, rows: Rows, beginnings: Iterable[Beginning], rules: Rules, near: bool
+    setting: Setting, rows: Rows, beginnings: Iterable[Beginning], rules: Rules, near: bool = False
 ) -> Found:
     """Return the first estimate that knows its chain, else one whose delays are held, else any.
 

@@ -47,14 +47,27 @@ def test_steps_near_an_estimate_that_lead_nowhere_are_not_begun_elsewhere(
     delays = {"Gamma_m": 1e-4}
     with pytest.raises(IdentifiabilityError, match="do not come to rest"):
         fit_composites_iv(setting, rows, late, begin=truth, known_delays=delays)
-    # what is late may have to be held there
-    assert all(start == truth for start, _ in tried)
-    assert [held for _, held in tried if held] == [{"Gamma_m": 0.0}, delays]
+    assert tried == [(truth, {"Gamma_m": 0.0}), (truth, delays)]
     tried.clear()
     with pytest.raises(IdentifiabilityError):
         fit_composites_iv(setting, rows, late, begin=truth)
     assert tried[0] == (truth, {"Gamma_m": 0.0})
     assert any(start != truth for start, _ in tried)
+
+
+def test_steps_from_an_estimate_do_not_leave_it_by_a_factor_of_ten(monkeypatch: pytest.MonkeyPatch) -> None:
+    setting, rows = motor_alone()
+    truth, most = dict(setting.model.parameter_sets["light"]), list[float]()
+    inertia = setting.model.parameters.index("J_c")
+
+    def growing(_: Setting, __: object, now: Unknowns, *more: object) -> SimpleNamespace:
+        most.append(float(now.p[inertia]) / truth["J_c"])
+        return SimpleNamespace(x=np.r_[4.0 * now.p, np.zeros(len(now.delays))], spread=1e-3 * now.vector)
+
+    monkeypatch.setattr(physical_iv, "step_from", growing)
+    with pytest.raises(IdentifiabilityError, match="steps lead to where there is no such chain"):
+        fit_composites_iv(setting, rows, (), begin=truth, known_delays={})
+    assert 5.0 < max(most) < 10.0
 
 
 def test_a_fit_in_physical_parameters_is_simulated_with_these(monkeypatch: pytest.MonkeyPatch) -> None:
