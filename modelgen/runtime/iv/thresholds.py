@@ -60,7 +60,7 @@ LINEAR_SHARE = 0.1
 # Nor can a parameter be this many times smaller or larger than at the start.
 FARTHEST = 1e4
 # Where a chain cannot be simulated, those that are so many times smaller or larger than at the start are why;
-# from an estimate of nearly the same records none can be.
+# from an estimate of nearly the same records no inertia and no stiffness can be.
 MANY_TIMES = 10.0
 
 # Rounds of simulation and estimate, at most.

@@ -81,11 +81,11 @@ def fit_composites_iv(
             yield from _beginnings(setting, rows, late, first)
 
     try:
-        found = _first_found(setting, rows, beginnings(), plain, near_by)
+        found = _first_found(setting, rows, beginnings(), plain)
     except IdentifiabilityError:
         if rules == plain:
             raise
-        found = _first_found(setting, rows, beginnings(), rules, near_by)
+        found = _first_found(setting, rows, beginnings(), rules)
         return found.observation, found.fit
     delays = {channel: delay for channel, delay, _ in found.fit.delays}
     if rules.robust:
@@ -130,14 +130,11 @@ def _beginnings(setting: Setting, rows: Rows, late: tuple[str, ...], first: Fit)
     yield from ((start, on_time) for start in starts)
 
 
-def _first_found(
-    setting: Setting, rows: Rows, beginnings: Iterable[Beginning], rules: Rules, near: bool = False
-) -> Found:
+def _first_found(setting: Setting, rows: Rows, beginnings: Iterable[Beginning], rules: Rules) -> Found:
     """Return the first estimate that knows its chain, else one whose delays are held, else any.
 
     What no machine is (friction far below zero) is one of several chains that belong to the same rows: the
-    others are looked for, and the least impossible one is taken. From `near` the solution steps in delays do
-    not lead away: what does not come to rest there does not with held delays.
+    others are looked for, and the least impossible one is taken.
     """
     failures, doubtful, tried = [], list[Found](), list[Beginning]()
     for start, delays in beginnings:
@@ -162,7 +159,7 @@ def _first_found(
         )
         for part in HELD_PARTS
         for start, delays in tried[:HELD_STARTS]
-        if delays and not near
+        if delays
     )
     known = next((found for found in held if found is not None), None)
     if known is not None or doubtful:

@@ -40,7 +40,7 @@ from modelgen.runtime.records.record import Record
 class Rules:
     """What steps keep to: robust weights, nothing below zero that cannot be, and what is held at zero.
 
-    No parameter gets `farthest` times smaller or larger than at the start.
+    No inertia and no stiffness gets `farthest` times smaller or larger than at the start.
     """
 
     robust: bool = False

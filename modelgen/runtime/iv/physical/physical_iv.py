@@ -27,6 +27,7 @@ from modelgen.runtime.iv.thresholds import (
     COMPOSITE_MOVE,
     COMPOSITE_ROUNDS,
     CREEPING_ROUNDS,
+    FARTHEST,
     HOPELESS,
     LARGEST_STEP,
     LATER_MOVE,
@@ -170,7 +171,7 @@ def fit_physical_iv(
         if near and _linear(model, now, move, spread, rules):
             move = steps.combined(now.vector, move, spread)
         now = _moved(model, now, move, sample, rules)
-        _refuse_led_away(_led_away(model, now.p, first, rules, rules.farthest))
+        _refuse_led_away(_led_away(model, now.p, first, rules, FARTHEST))
     raise _restless(model, x[:c], spread[:c], done)
 
 
@@ -188,7 +189,7 @@ def _lost(setting: Setting, now: Unknowns, spread: FloatArray) -> tuple[str, ...
     """
     model, radian = setting.model, 1.0 / (2.0 * pi * setting.choice.cutoff_hz)
     limits = [
-        abs(value) if name in model.roles and model.roles[name].role in ("inertia", "stiffness") else np.inf
+        abs(value) if _is_solid(model, name) else np.inf
         for name, value in zip(model.parameters, now.p.tolist(), strict=True)
     ]
     names = (*model.parameters, *now.delays)
@@ -247,15 +248,20 @@ def _moved(model: Model, now: Unknowns, move: FloatArray, sample: float, rules: 
     return Unknowns(now.p + length * move[:c], delays, tuple((apart + now.sizes).tolist()))
 
 
+def _is_solid(model: Model, name: str) -> bool:
+    """Tell whether a parameter is an inertia or a stiffness: friction and damping may be next to nothing."""
+    return name in model.roles and model.roles[name].role in ("inertia", "stiffness")
+
+
 def _led_away(model: Model, p: FloatArray, first: FloatArray, rules: Rules, factor: float) -> list[str]:
     """Return the parameters of a chain that steps have made so many times smaller or larger."""
-    return [
-        name
-        for name, value, start in zip(model.parameters, p.tolist(), first.tolist(), strict=True)
-        if start
-        and not abs(start) / factor <= abs(value) <= abs(start) * factor
-        and _keeps_sign(model, name, rules)
-    ]
+    found = []
+    for name, value, start in zip(model.parameters, p.tolist(), first.tolist(), strict=True):
+        most = min(factor, rules.farthest) if _is_solid(model, name) else factor
+        away = start and not abs(start) / most <= abs(value) <= abs(start) * most
+        if away and _keeps_sign(model, name, rules):
+            found.append(name)
+    return found
 
 
 def _refuse_led_away(names: list[str]) -> None:

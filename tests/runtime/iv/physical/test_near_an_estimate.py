@@ -47,7 +47,9 @@ def test_steps_near_an_estimate_that_lead_nowhere_are_not_begun_elsewhere(
     delays = {"Gamma_m": 1e-4}
     with pytest.raises(IdentifiabilityError, match="do not come to rest"):
         fit_composites_iv(setting, rows, late, begin=truth, known_delays=delays)
-    assert tried == [(truth, {"Gamma_m": 0.0}), (truth, delays)]
+    # what is late may have to be held there
+    assert all(start == truth for start, _ in tried)
+    assert [held for _, held in tried if held] == [{"Gamma_m": 0.0}, delays]
     tried.clear()
     with pytest.raises(IdentifiabilityError):
         fit_composites_iv(setting, rows, late, begin=truth)
