@@ -40,8 +40,8 @@ BODIES = {
     "m": ("m", "mot", "motor", "drive", "antrieb", "mx"),
     "c": ("c", "load", "last", "charge", "table", "carriage", "abtrieb", "my", "l"),
 }
-# a force is often logged as the current or voltage that makes it
-DRIVES = {"N m": ("A", "V"), "N": ("A", "V")}
+# a force is often logged as the current or voltage that makes it, or in % of a drive's rated force
+DRIVES = {"N m": ("A", "V", "1"), "N": ("A", "V", "1")}
 # what drives the loop, which a file need not hold: it serves to simulate the loop
 REFERENCES = {"reference": "position", "reference_rate": "velocity"}
 FEEDFORWARD = "feedforward"

@@ -110,6 +110,14 @@ def test_a_current_is_proposed_with_the_factor_that_it_needs() -> None:
     assert "# factor = ...  # N m per mA" in mapping_text("a", entries, None, None, None, ())
 
 
+def test_a_force_in_percent_of_a_rated_one_is_proposed_with_the_factor_that_it_needs() -> None:
+    source = Source(Path("a"), ("q_m", "q_c", "Moment"), lambda names: {}, units={"Moment": "%"})
+    entries = propose(source, QC)
+    force = next(entry for entry in entries if entry.key == "Gamma_m")
+    assert force.column == "Moment" and "give N m per % as its factor" in force.why
+    assert "# factor = ...  # N m per %" in mapping_text("a", entries, None, None, None, ())
+
+
 def test_inputs_and_outputs_are_proposed_by_their_place() -> None:
     for names in (["y(:,1)", "y(:,2)", "u"], ["u[:,0]", "y[:,0]", "y[:,1]"]):
         found = proposed(QC, names)
