@@ -184,7 +184,8 @@ RESONANCES_FROM, RESONANCES_TO, RESONANCE_GRID, FIRST_DAMPING = 0.25, 1.2, 1.15,
 # as of damping: it is as wide); a damping ratio stays above this one.
 SHAPES_TRIED, SHAPE_STEPS, SAME_SHAPE, LEAST_DAMPING = 2, 12, 1.0, 1e-3
 LONGEST_STEPS = ((-0.2, -1.0), (0.2, 1.0))
-# Ripple has at least so many periods on the way of a body, fewer are friction or a spring, and at most so
+# Ripple has at least so many periods on the way of a body, fewer are friction or a spring (creep and further
+# masses on the longest record, fewer are a stiffer link or a force), and at most so
 # many; steps are taken from so many of them, of phases by so many rad at most.
 FEWEST_PERIODS, MOST_PERIODS, RIPPLES_TRIED, LONGEST_PHASE = 0.5, 4096.0, 2, 1.0
 # A link that creeps is looked for from this share of the dynamics' frequency to the cut-off, each frequency

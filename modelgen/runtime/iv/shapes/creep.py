@@ -38,13 +38,16 @@ def creeping_links(rows: ShapeRows, names: Collection[str]) -> Iterator[Effect]:
     low, high = CREEPS_FROM * (choice.dynamics_hz or choice.cutoff_hz), choice.cutoff_hz
     for name, role in rows.simulated[0].plant.model.roles.items():
         if role.role == "stiffness":
-            grid = [creep(name, hz) for hz in grid_hz(low, high, CREEPS_GRID)]
+            grid = [creep(name, hz, rows.slowest_hz) for hz in grid_hz(low, high, CREEPS_GRID)]
             if grid[0].name not in names:
                 yield from rows.best_of(grid, NUMBERS)
 
 
-def creep(stiffness: str, hz: float) -> Effect:
-    """Return that a link creeps, about a frequency in Hz; a size is how much stiffer it is in fast motion."""
+def creep(stiffness: str, hz: float, slowest_hz: float = 0.0) -> Effect:
+    """Return that a link creeps, about a frequency in Hz; a size is how much stiffer it is in fast motion.
+
+    Steps lead to no frequency below `slowest_hz`: what creeps that slowly is a stiffer link with a zero.
+    """
 
     def passed(f: ComplexArray) -> ComplexArray:
         return f / (f + hz)
@@ -57,9 +60,10 @@ def creep(stiffness: str, hz: float) -> Effect:
 
     def moved(size: float, steps: Sequence[float]) -> Effect:
         if not size:
-            return creep(stiffness, hz)
+            return creep(stiffness, hz, slowest_hz)
         least, most = LONGEST_STEPS[0][1], LONGEST_STEPS[1][1]
-        return creep(stiffness, hz * float(np.exp(np.clip(steps[0] / size, least, most))))
+        moved_hz = hz * float(np.exp(np.clip(steps[0] / size, least, most)))
+        return creep(stiffness, max(moved_hz, slowest_hz), slowest_hz)
 
     words = (
         f"the link of {stiffness} creeps, as rubber and belts do: {stiffness} is that of slow motion, and "

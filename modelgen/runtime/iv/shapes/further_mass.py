@@ -23,8 +23,11 @@ from modelgen.runtime.iv.thresholds import CLEAR_ACCELERATION, LEAST_DAMPING, LO
 Response = Callable[[ComplexArray], ComplexArray]
 
 
-def further_mass(body: str, hz: float, damping: float) -> Effect:
-    """Return a mass on a spring on a body: its frequency in Hz, its damping ratio; a size is its inertia."""
+def further_mass(body: str, hz: float, damping: float, slowest_hz: float = 0.0) -> Effect:
+    """Return a mass on a spring on a body: its frequency in Hz, its damping ratio; a size is its inertia.
+
+    Steps lead to no frequency below `slowest_hz`: what swings that slowly is a force.
+    """
 
     def transmitted(f: ComplexArray) -> ComplexArray:
         u = f / hz
@@ -48,9 +51,10 @@ def further_mass(body: str, hz: float, damping: float) -> Effect:
 
     def moved(size: float, steps: Sequence[float]) -> Effect:
         if not size:  # a mass of no size stays where it is
-            return further_mass(body, hz, damping)
+            return further_mass(body, hz, damping, slowest_hz)
         stretch, more = np.exp(np.clip(np.asarray(steps[:2]) / size, *LONGEST_STEPS)).tolist()
-        return further_mass(body, hz * stretch, max(damping * more, LEAST_DAMPING))
+        moved_hz = max(hz * stretch, slowest_hz)
+        return further_mass(body, moved_hz, max(damping * more, LEAST_DAMPING), slowest_hz)
 
     def acting(simulated: Simulated, size: float) -> Simulated:
         return _with_mass(simulated, body, lambda f: size * transmitted(f))

@@ -29,7 +29,8 @@ def further_masses(rows: ShapeRows, names: Collection[str]) -> Iterator[Effect]:
         Those of effects that are estimated already.
     """
     for body in rows.simulated[0].plant.bodies:
-        grid = [further_mass(body, hz, FIRST_DAMPING) for hz in _frequencies(rows.setting)]
+        tried_hz = _frequencies(rows.setting)
+        grid = [further_mass(body, hz, FIRST_DAMPING, rows.slowest_hz) for hz in tried_hz]
         if grid[0].name not in names:
             yield from rows.best_of(grid, NUMBERS)
 

@@ -18,6 +18,7 @@ from modelgen.runtime.iv.effect_rows import effect_rows
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.thresholds import (
     CLEARLY_LEFT,
+    FEWEST_PERIODS,
     SAME_SHAPE,
     SEEN_AT_ALL,
     SHAPE_STEPS,
@@ -69,6 +70,11 @@ class ShapeRows:
     def records(self) -> int:
         """How many there are."""
         return len(self.setting.records)
+
+    @property
+    def slowest_hz(self) -> float:
+        """The frequency in Hz below which the longest record holds too little of a period."""
+        return FEWEST_PERIODS / max(record.n * record.dt for record in self.setting.records)
 
     @cached_property
     def limits(self) -> tuple[float, float]:

@@ -8,6 +8,7 @@ import pytest
 from modelgen.runtime.curves.rebuilt import rebuild
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.iv.shapes.creep import creep
+from modelgen.runtime.iv.shapes.further_mass import further_mass
 from tests.runtime.iv.shapes.chains import KNOWN, SHORT, simulated_alone, there_and_back
 
 # By how much the link is stiffer in fast motion, over K, and from which frequency in Hz on.
@@ -32,6 +33,21 @@ def test_creep_far_above_the_motion_is_a_damper_and_far_below_a_spring() -> None
     np.testing.assert_allclose(fast, 2.0 * slow, atol=0.05 * float(np.max(np.abs(fast))))
     stiff, too = (creep("K", hz).changes(simulated)["q_c"] for hz in (1e-4, 2e-4))
     np.testing.assert_allclose(stiff, too, atol=1e-3 * float(np.max(np.abs(stiff))))
+
+
+def test_steps_lead_to_no_frequency_that_a_record_does_not_hold() -> None:
+    simulated = simulated_alone()
+    link = creep("K", HZ, 30.0)
+    for _ in range(3):
+        assert link.moved is not None
+        link = link.moved(0.1, [-0.1])
+    expected = creep("K", 30.0).changes(simulated)["q_c"]
+    np.testing.assert_array_equal(link.changes(simulated)["q_c"], expected)
+    mass, same = further_mass("c", HZ, 0.1, 30.0), further_mass("c", 30.0, 0.1)
+    for _ in range(3):
+        assert mass.moved is not None
+        mass = mass.moved(0.1, [-0.1, 0.0])
+    np.testing.assert_allclose(mass.changes(simulated)["q_c"], same.changes(simulated)["q_c"])
 
 
 def test_its_size_is_said_and_it_never_softens() -> None:
