@@ -245,6 +245,33 @@ def noise_rows(
     return tuple(residuals), changes
 
 
+def rounded_rows(
+    fit: Fit, setting: Setting, simulated: Sequence[Simulated], phase: float
+) -> tuple[FloatArray, ...]:
+    """Return what encoders add to the residual that round the simulated motion as they did the measured one.
+
+    Rounding follows the motion, and stays where a body rests: what it looks like hangs on where in a step
+    that is. `phase` is by what part of a step the first encoder is turned, each next one by as much more.
+
+    Returns
+    -------
+    tuple of array
+        One a block of the fit, in the unit of its row, shape (n,).
+    """
+    terms, mismatches = _mismatch_terms(fit, setting), list[FloatArray]()
+    positions = [sensor.key for sensor in setting.model.sensors if sensor.measures == "position"]
+    for index, (one, record) in enumerate(zip(simulated, setting.records, strict=True)):
+        coarse = {}
+        for place, key in enumerate(key for key in positions if key in record.signals):
+            step, exact = record.facts.rounding(key), one.record.signals[key]
+            if step > 0.0:
+                turned = exact / step + (place + 1) * phase
+                coarse[key] = record.signals[key] + step * (np.round(turned) - turned)
+        more = _rows(setting, record.edited(coarse), index).mixed(terms)
+        mismatches.append(more - _rows(setting, record, index).mixed(terms))
+    return tuple(mismatches[block.record][block.row][block.place] for block in fit.blocks)
+
+
 def _mismatch_terms(fit: Fit, setting: Setting) -> tuple[dict[str, float], ...]:
     """Return the weights of signals in Y - W X, row by row of the model."""
     return mismatch_terms(setting.model, fit.all_parameters(setting.model.base_parameters))

@@ -219,3 +219,6 @@ RESPONSE_CLOSE = 0.3
 # A drive's limit is looked for at these shares of the largest force; in one step it moves by no more than
 # this share of the way to nothing, or to the largest force.
 SATURATED, LONGEST_LIMIT = (0.85, 0.65, 0.45), 0.5
+
+# Rounding of encoders is looked at in so many places of their steps.
+ROUNDED_AT = 8

@@ -13,8 +13,9 @@ from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.explanation.folded_forces import folded_forces
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import MOST_TRIED, OVER_NOISE
+from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import LOW_PASSES, Effect, unlike
-from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, simulated_records
+from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, rounded_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.low_pass import lag_for_delay
@@ -24,10 +25,11 @@ from modelgen.runtime.iv.shapes.creep import creeping_links
 from modelgen.runtime.iv.shapes.mass_search import further_masses
 from modelgen.runtime.iv.shapes.ripple_search import ripples
 from modelgen.runtime.iv.shapes.shape_search import ShapeRows
-from modelgen.runtime.iv.thresholds import EXACTNESS, LITTLE_OWN
+from modelgen.runtime.iv.thresholds import EXACTNESS, LEVEL, LITTLE_OWN, ROUNDED_AT
 from modelgen.runtime.iv.told_effects import within_rounding
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.numerics.tails import normal_beyond
 from modelgen.runtime.records.record import Record
 
 
@@ -96,6 +98,9 @@ def look(
         seen = [tested[index] for index in doubtful]
         noise = noise_rows(now.fit, now.setting, seen, [rows[index] for index in doubtful])
         found = _without_noise(found, span, seen, noise)
+    found = _beyond_rounding(
+        found, span, {one.name: row for one, row in zip(tested, rows, strict=True)}, now, simulated
+    )
     forces, records = now.late_forces, job.records
     beyond = {one.effect.name for one in found if not believable(one.effect, one.size, forces, records)}
     found = tuple(
@@ -136,6 +141,35 @@ def _moved_by_unsized(
         folded = folded + moved
         either += [lag.channel] * bool(np.any(np.diag(moved) > noise))
     return folded, tuple(either)
+
+
+def _beyond_rounding(
+    found: Sequence[Score],
+    span: Span,
+    rows: Mapping[str, Sequence[FloatArray]],
+    now: Freed,
+    simulated: Sequence[Simulated],
+) -> tuple[Score, ...]:
+    """Return the scores, of effects with `rows` by name, which matter where encoders' rounding is not why.
+
+    Where encoders are in their steps is not known: sizes scatter by what that changes.
+    """
+    critical = normal_beyond(0.5 * LEVEL / max(len(found), 1))
+    left, changed = list[FloatArray](), list[Score]()
+    for one in found:
+        if (one.matters or one.likely) and within_rounding(one.effect, one.size, simulated):
+            left = left or [
+                span.apart(stacked(span.fit, rounded_rows(now.fit, now.setting, simulated, phase)))
+                for phase in np.linspace(0.0, 1.0, ROUNDED_AT, endpoint=False).tolist()
+            ]
+            own = stacked(span.fit, rows[one.effect.name])
+            spread = float(np.sqrt(np.mean([float(own @ r) ** 2 for r in left]))) / one.power
+            wider, size = float(np.hypot(1.0, spread / one.std)), abs(one.size)
+            likely = one.likely and size > critical * wider * one.std
+            matters = one.matters and size > wider * one.least
+            one = replace(one, least=wider * one.least, matters=matters, likely=likely)
+        changed.append(one)
+    return tuple(changed)
 
 
 def _without_noise(

@@ -9,15 +9,22 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from modelgen.runtime.identification.explanation import look_at_residual
 from modelgen.runtime.identification.explanation import search as module
-from modelgen.runtime.identification.explanation.look_at_residual import moves_of_forms
+from modelgen.runtime.identification.explanation.explain_residual import found_by
+from modelgen.runtime.identification.explanation.explained import run_method
+from modelgen.runtime.identification.explanation.look_at_residual import look, moves_of_forms
 from modelgen.runtime.identification.explanation.search import Search
 from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import IV, Auto
+from modelgen.runtime.identification.options import CheckOptions, Filters
+from modelgen.runtime.identification.task import prepared
 from modelgen.runtime.iv.effect import Effect, unlike
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.score_tests import Score
-from tests.runtime.two_mass_records import RAMPS, SMALL
+from modelgen.runtime.records.record import Record
+from tests.runtime.two_mass_records import RAMPS, SMALL, two_mass_records
 
 EFFECTS = {one.name: one for one in effects_of(SMALL, ("m", "c"), RAMPS)}
 STIFFENS, GAP, LATE = (EFFECTS[name] for name in ("stiffening of K", "backlash of K", "delay of q_c"))
@@ -78,3 +85,39 @@ def test_intervals_hold_all_forms_of_a_link_where_none_leaves_noise(
     monkeypatch.setattr(module, "leaves_noise", lambda job, fit: True)
     after = found._with([(LATE, (STIFFENS, LATE), replace(taken, sizes=(1e-4, 1e-4), stds=(1e-6, 1e-6)))])
     assert after.drift[1, 1] == pytest.approx(inexact)
+
+
+def with_encoders(step: float) -> list[Record]:
+    """Records whose encoders have steps of so many rad; as measured for 0."""
+    if not step:
+        return list(two_mass_records())
+    return [
+        Record(
+            {key: step * np.round(x / step) if key[0] == "q" else x for key, x in one.signals.items()},
+            one.fs,
+            one.name,
+        )
+        for one in two_mass_records()
+    ]
+
+
+@pytest.mark.parametrize(("step", "matters"), [(0.0, True), (2.0 * np.pi / 4096, False)])
+def test_what_rounding_of_encoders_looks_like_does_not_matter(
+    step: float, matters: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A gap of a thousandth of such a step, said to be known to a fifth of itself."""
+    task = prepared(SMALL, with_encoders(step), Auto(), Filters(), CheckOptions())
+    begun, size = run_method(task, IV()), 1e-3 * 2.0 * np.pi / 4096
+    real = look_at_residual.scores
+
+    def certain(*given: Any) -> tuple[Score, ...]:
+        gap = next(one for one in real(*given) if one.effect.name == GAP.name)
+        return (replace(gap, size=size, std=size / 5.0, least=0.6 * size, matters=True, likely=True),)
+
+    monkeypatch.setattr(look_at_residual, "scores", certain)
+    monkeypatch.setattr(look_at_residual, "_without_noise", lambda found, *_: found)
+    monkeypatch.setattr(look_at_residual, "within_rounding", lambda *_: not matters)
+    found = begun.found
+    (gap,) = look(task.job, found_by(task.job, found.observation, found.fit), (), None).found
+    assert gap.matters == gap.likely == matters
+    assert (gap.least > 0.6 * size) != matters
