@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from modelgen.errors import RenderError
+from modelgen.errors import RenderError, SpecError
 from modelgen.render.environment import environment
 from modelgen.render.target_writer import check_target, write_target
 from modelgen.render.writer import generate
@@ -29,6 +29,14 @@ def test_the_golden_folder_holds_what_the_catalogue_generates(name: str) -> None
 def test_the_golden_folder_holds_nothing_else() -> None:
     expected = {f"{n}_{s}.py" for n in catalog_names() for s in load_spec(catalog_path(n)).sensor_sets}
     assert {path.name for path in (ROOT / "generated").glob("*.py")} == expected | {"__init__.py"}
+
+
+def test_what_is_no_chain_and_what_is_no_name_are_refused() -> None:
+    spec = load_spec(catalog_path(next(iter(catalog_names()))))
+    with pytest.raises(SpecError, match=r"spec: is of the type str, not a chain; load it first"):
+        generate("axis.toml", "qm_qc")  # type: ignore[arg-type]
+    with pytest.raises(SpecError, match=r"sensor_set: is of the type list, not a name; choose one of"):
+        generate(spec, ["qm_qc"])  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

@@ -71,6 +71,9 @@ _SPECIAL = {
     "ampere": ("A", 1.0),
     "amps": ("A", 1.0),
     "amp": ("A", 1.0),
+    # what one is worth only the encoder, or the converter, knows
+    **dict.fromkeys(("count", "counts", "cts", "inc", "incs", "inkr", "inkremente"), ("count", 1.0)),
+    **dict.fromkeys(("increment", "increments", "ticks", "pulses", "lsb"), ("count", 1.0)),
     "%": ("1", 1e-2),
     "1": ("1", 1.0),
     "-": ("1", 1.0),

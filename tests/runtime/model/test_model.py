@@ -123,6 +123,12 @@ def test_a_violation_is_named(module: SimpleNamespace, words: str) -> None:
     assert words in complaint(module)
 
 
+def test_the_path_of_a_module_is_no_module() -> None:
+    for given in ("axis.py", Path("axis.py")):
+        said = complaint(given)
+        assert "'axis.py', not a generated module" in said and "modelgen.load_model(path)" in said
+
+
 def test_columns_that_disagree_with_the_functions_are_named() -> None:
     told = emps300_qm_ac.columns()
     rows = list(told["regressor"])

@@ -118,6 +118,14 @@ def test_a_force_in_percent_of_a_rated_one_is_proposed_with_the_factor_that_it_n
     assert "# factor = ...  # N m per %" in mapping_text("a", entries, None, None, None, ())
 
 
+@pytest.mark.parametrize("unit", ["counts", "inc", "Increments", "[ticks]"])
+def test_a_position_in_counts_is_proposed_with_the_factor_that_it_needs(unit: str) -> None:
+    source = Source(Path("a"), ("q_m", "q_c", "Gamma_m"), lambda names: {}, units={"q_m": unit})
+    entries = propose(source, QC)
+    assert entries[0].column == "q_m" and f"give rad per {unit} as its factor" in entries[0].why
+    assert f"# factor = ...  # rad per {unit}" in mapping_text("a", entries, None, None, None, ())
+
+
 def test_inputs_and_outputs_are_proposed_by_their_place() -> None:
     for names in (["y(:,1)", "y(:,2)", "u"], ["u[:,0]", "y[:,0]", "y[:,1]"]):
         found = proposed(QC, names)
