@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import PurePath
 from typing import Any
 
 from modelgen.errors import Problem
@@ -108,6 +109,9 @@ def is_arm(module: Any) -> bool:
 
 def module_problems(module: Any) -> tuple[Problem, ...]:
     """Return one problem per violation of the contract; none for a module the runtime can use."""
+    if isinstance(module, str | PurePath):
+        what = f"is the text {str(module)!r}, not a generated module"
+        return (Problem("model", what, "load it first: modelgen.load_model(path)"),)
     where = getattr(module, "__file__", None) or getattr(module, "__name__", None) or "model"
     version = getattr(module, "CONTRACT_VERSION", None)
     if is_arm(module):

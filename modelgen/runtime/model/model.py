@@ -222,9 +222,6 @@ def model_from_module(module: Any) -> Model:
     DataError
         With one problem per violation of the contract.
     """
-    if isinstance(module, str | Path):
-        remedy = "load it first: modelgen.load_model(path)"
-        raise DataError.at("model", f"is the text {str(module)!r}, not a generated module", remedy)
     problems = module_problems(module)
     DataError.raise_any(problems)
     given = arm_fields(module) if is_arm(module) else chain_fields(module)
