@@ -129,11 +129,12 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
         # composites that are free of each other explain by terms that cancel what physical values leave
         given = _Sense(job, run(job)[1], rows)
     still = [key for key in job.model.channels if not any(_spans(record, key) for record in job.records)]
-    changes = list(_changes(job.model, still))[:TRIES]
-    # channels of one kind only, in some of the records: noise may look like any other exchange
+    changes, every = list(_changes(job.model, still))[:TRIES], tuple(range(len(parts)))
     alike = [change for change in changes if change.alike]
-    unlike = product(_unlike_others(fit, len(parts)), alike)
-    for group in ([(tuple(range(len(parts))), change) for change in changes], unlike):
+    others = [change for change in changes if not change.alike]
+    # what measures something else may look like nearly anything, of noise as well: last, and in all records
+    unlike = _unlike_others(fit, len(parts))
+    for group in (product([every], alike), product(unlike, alike), product([every], others)):
         tried: list[_Mended] = []
         for places, change in group:
             try:
