@@ -40,9 +40,9 @@ BODIES = {
     "m": ("m", "mot", "motor", "drive", "antrieb", "mx"),
     "c": ("c", "load", "last", "charge", "table", "carriage", "abtrieb", "my", "l"),
 }
-# a force is often logged as the current or voltage that makes it, or in % of a drive's rated force, a
-# position in counts of its encoder
-LOGGED_AS = {"N m": ("A", "V", "1"), "N": ("A", "V", "1"), "rad": ("count",), "m": ("count",)}
+# a force is often logged as the current or voltage that makes it, or in % of a drive's rated force, and
+# anything in counts of an encoder or a converter
+LOGGED_AS, COUNTS = {"N m": ("A", "V", "1"), "N": ("A", "V", "1")}, "count"
 # what drives the loop, which a file need not hold: it serves to simulate the loop
 REFERENCES = {"reference": "position", "reference_rate": "velocity"}
 FEEDFORWARD = "feedforward"
@@ -184,7 +184,7 @@ def _score(want: _Wanted, column: _Column) -> float:
         if unit.si == want.unit:
             score += 3.0
         else:
-            score += 1.0 if unit.si in LOGGED_AS.get(want.unit, ()) else -4.0
+            score += 1.0 if unit.si in (*LOGGED_AS.get(want.unit, ()), COUNTS) else -4.0
     return score
 
 

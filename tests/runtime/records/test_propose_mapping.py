@@ -124,6 +124,9 @@ def test_a_position_in_counts_is_proposed_with_the_factor_that_it_needs(unit: st
     entries = propose(source, QC)
     assert entries[0].column == "q_m" and f"give rad per {unit} as its factor" in entries[0].why
     assert f"# factor = ...  # rad per {unit}" in mapping_text("a", entries, None, None, None, ())
+    source = Source(Path("a"), ("q_m", "q_c", "Moment"), lambda names: {}, units={"Moment": unit})
+    force = next(entry for entry in propose(source, QC) if entry.key == "Gamma_m")
+    assert force.column == "Moment" and f"give N m per {unit} as its factor" in force.why
 
 
 def test_inputs_and_outputs_are_proposed_by_their_place() -> None:

@@ -98,9 +98,7 @@ def look(
         seen = [tested[index] for index in doubtful]
         noise = noise_rows(now.fit, now.setting, seen, [rows[index] for index in doubtful])
         found = _without_noise(found, span, seen, noise)
-    found = _beyond_rounding(
-        found, span, {one.name: row for one, row in zip(tested, rows, strict=True)}, now, simulated
-    )
+    found = _beyond_rounding(found, span, (tested, rows), now, simulated)
     forces, records = now.late_forces, job.records
     beyond = {one.effect.name for one in found if not believable(one.effect, one.size, forces, records)}
     found = tuple(
@@ -146,14 +144,16 @@ def _moved_by_unsized(
 def _beyond_rounding(
     found: Sequence[Score],
     span: Span,
-    rows: Mapping[str, Sequence[FloatArray]],
+    tested: tuple[Sequence[Effect], Sequence[Sequence[FloatArray]]],
     now: Freed,
     simulated: Sequence[Simulated],
 ) -> tuple[Score, ...]:
-    """Return the scores, of effects with `rows` by name, which matter where encoders' rounding is not why.
+    """Return the scores, which matter where rounding of the encoders is not why.
 
-    Where encoders are in their steps is not known: sizes scatter by what that changes.
+    Where encoders are in their steps is not known: sizes scatter by what that changes. `tested` are the
+    effects and what each adds to the residual, in SI, (rows,) a block.
     """
+    effects, grown = tested
     critical = normal_beyond(0.5 * LEVEL / max(len(found), 1))
     left, changed = list[FloatArray](), list[Score]()
     for one in found:
@@ -162,7 +162,7 @@ def _beyond_rounding(
                 span.apart(stacked(span.fit, rounded_rows(now.fit, now.setting, simulated, phase)))
                 for phase in np.linspace(0.0, 1.0, ROUNDED_AT, endpoint=False).tolist()
             ]
-            own = stacked(span.fit, rows[one.effect.name])
+            own = stacked(span.fit, grown[effects.index(one.effect)])
             spread = float(np.sqrt(np.mean([float(own @ r) ** 2 for r in left]))) / one.power
             wider, size = float(np.hypot(1.0, spread / one.std)), abs(one.size)
             likely = one.likely and size > critical * wider * one.std
