@@ -102,31 +102,23 @@ def test_references_are_told_from_each_other_and_from_the_current_s() -> None:
     assert (found["reference"], found["reference_rate"]) == ("Sollage", "Solldrehzahl")
 
 
-def test_a_current_is_proposed_with_the_factor_that_it_needs() -> None:
-    source = Source(Path("a"), ("q_m", "q_c", "iq"), lambda names: {}, units={"iq": "mA"})
-    entries = propose(source, QC)
-    force = next(entry for entry in entries if entry.key == "Gamma_m")
-    assert force.column == "iq" and "give N m per mA as its factor" in force.why
-    assert "# factor = ...  # N m per mA" in mapping_text("a", entries, None, None, None, ())
-
-
-def test_a_force_in_percent_of_a_rated_one_is_proposed_with_the_factor_that_it_needs() -> None:
-    source = Source(Path("a"), ("q_m", "q_c", "Moment"), lambda names: {}, units={"Moment": "%"})
-    entries = propose(source, QC)
-    force = next(entry for entry in entries if entry.key == "Gamma_m")
-    assert force.column == "Moment" and "give N m per % as its factor" in force.why
-    assert "# factor = ...  # N m per %" in mapping_text("a", entries, None, None, None, ())
-
-
-@pytest.mark.parametrize("unit", ["counts", "inc", "Increments", "[ticks]"])
-def test_a_position_in_counts_is_proposed_with_the_factor_that_it_needs(unit: str) -> None:
-    source = Source(Path("a"), ("q_m", "q_c", "Gamma_m"), lambda names: {}, units={"q_m": unit})
-    entries = propose(source, QC)
-    assert entries[0].column == "q_m" and f"give rad per {unit} as its factor" in entries[0].why
-    assert f"# factor = ...  # rad per {unit}" in mapping_text("a", entries, None, None, None, ())
-    source = Source(Path("a"), ("q_m", "q_c", "Moment"), lambda names: {}, units={"Moment": unit})
-    force = next(entry for entry in propose(source, QC) if entry.key == "Gamma_m")
-    assert force.column == "Moment" and f"give N m per {unit} as its factor" in force.why
+@pytest.mark.parametrize(
+    ("key", "column", "unit", "wanted"),
+    [
+        ("Gamma_m", "iq", "mA", "N m"),
+        ("Gamma_m", "Moment", "%", "N m"),  # of the drive's rated one
+        ("Gamma_m", "Moment", "lsb", "N m"),
+        *(("q_m", "q_m", unit, "rad") for unit in ("counts", "inc", "Increments", "[ticks]")),
+    ],
+)
+def test_what_is_logged_as_something_else_is_proposed_with_the_factor_that_it_needs(
+    key: str, column: str, unit: str, wanted: str
+) -> None:
+    names = ("q_m", "q_c", column if key == "Gamma_m" else "Gamma_m")
+    entries = propose(Source(Path("a"), names, lambda asked: {}, units={column: unit}), QC)
+    found = next(entry for entry in entries if entry.key == key)
+    assert found.column == column and f"give {wanted} per {unit} as its factor" in found.why
+    assert f"# factor = ...  # {wanted} per {unit}" in mapping_text("a", entries, None, None, None, ())
 
 
 def test_inputs_and_outputs_are_proposed_by_their_place() -> None:
