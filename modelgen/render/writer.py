@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from modelgen.errors import Problem, RenderError, SpecError
+from modelgen.errors import Problem, RenderError
 from modelgen.generated_module.allow_list import REMEDY
 from modelgen.generated_module.module_check import module_problems, seal
 from modelgen.render.environment import environment
@@ -65,12 +65,6 @@ def generate(spec: ChainSpec, sensor_set: str) -> str:
     SpecError
         When `spec` is no chain, or has no such sensor set.
     """
-    if not isinstance(spec, ChainSpec):
-        what = f"is of the type {type(spec).__name__}, not a chain"
-        raise SpecError.at("spec", what, "load it first: modelgen.load_spec(path)")
-    if not isinstance(sensor_set, str):
-        what, names = f"is of the type {type(sensor_set).__name__}, not a name", ", ".join(spec.sensor_sets)
-        raise SpecError.at("sensor_set", what, f"choose one of {names}")
     return render(model_view(build(spec, sensor_set)))
 
 

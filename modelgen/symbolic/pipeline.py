@@ -30,16 +30,19 @@ def build(spec: ChainSpec, sensor_set: str) -> BaseModel:
     Raises
     ------
     SpecError
-        If the spec has no such sensor set.
+        If `spec` is no chain, or has no such sensor set.
     ModelError
         If the sensors do not determine rows for the chain.
     """
+    if not isinstance(spec, ChainSpec):
+        what = f"is of the type {type(spec).__name__}, not a chain"
+        raise SpecError.at("spec", what, "load it first: modelgen.load_spec(path)")
+    choose = f"choose one of {', '.join(spec.sensor_sets)}"
+    if not isinstance(sensor_set, str):
+        what = f"is of the type {type(sensor_set).__name__}, not a name"
+        raise SpecError.at("sensor_set", what, choose)
     if sensor_set not in spec.sensor_sets:
-        raise SpecError.at(
-            f"{spec.source}: sensors.{sensor_set}",
-            "there is no such sensor set",
-            f"choose one of {', '.join(spec.sensor_sets)}",
-        )
+        raise SpecError.at(f"{spec.source}: sensors.{sensor_set}", "there is no such sensor set", choose)
     motion = motion_equations(spec)
     rows = identification_rows(motion, sensor_set)
     return base_model(rows)

@@ -56,14 +56,14 @@ class _Sense:
     @cached_property
     def unexplained(self) -> float:
         """What share of its terms the worst row leaves."""
-        left, looked_at = [0.0], set[tuple[int, int]]()
+        used = {(block.record, block.row) for block in self.fit.blocks}
+        # a row that is not used is not explained
+        left = [0.0 if self.rows is None or self.rows <= used else 1.0]
         for index, block in enumerate(self.fit.blocks):
-            looked_at.add((block.record, block.row))
             if self.rows is None or (block.record, block.row) in self.rows:
                 share = self.fit.unexplained(index)
                 left.append(1.0 if share is None else share)
-        # a row that is not used is not explained
-        return max(left) if self.rows is None or self.rows <= looked_at else max(1.0, *left)
+        return max(left)
 
     @cached_property
     def impossible(self) -> int:

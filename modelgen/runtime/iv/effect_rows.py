@@ -232,44 +232,48 @@ def noise_rows(
         noisy.append(record.edited(louder))
     noisy_setting = replace(setting, records=tuple(noisy))
     added = effect_rows(fit, noisy_setting, simulated_records(fit, noisy_setting), effects)
-    terms = _mismatch_terms(fit, setting)
-    mismatches = [
-        _rows(setting, louder, index).mixed(terms) - _rows(setting, record, index).mixed(terms)
-        for index, (louder, record) in enumerate(zip(noisy, setting.records, strict=True))
-    ]
-    residuals = [mismatches[block.record][block.row][block.place] for block in fit.blocks]
     changes = tuple(
         tuple(more - less for more, less in zip(one, other, strict=True))
         for one, other in zip(added, grown, strict=True)
     )
-    return tuple(residuals), changes
+    return next(_added_to_residual(fit, setting, [noisy])), changes
 
 
 def rounded_rows(
-    fit: Fit, setting: Setting, simulated: Sequence[Simulated], phase: float
-) -> tuple[FloatArray, ...]:
-    """Return what encoders add to the residual that round the simulated motion as they did the measured one.
+    fit: Fit, setting: Setting, simulated: Sequence[Simulated], phases: Sequence[float]
+) -> Iterator[tuple[FloatArray, ...]]:
+    """Yield what encoders add to the residual that round the simulated motion as they did the measured one.
 
     Rounding follows the motion, and stays where a body rests: what it looks like hangs on where in a step
-    that is. `phase` is by what part of a step the first encoder is turned, each next one by as much more.
-
-    Returns
-    -------
-    tuple of array
-        One a block of the fit, in the unit of its row, shape (n,).
+    that is. `phases` are by what part of a step the first encoder is turned, each next one by as much more.
+    There is one array a block of the fit, in the unit of its row, shape (n,), for each phase.
     """
-    terms, mismatches = _mismatch_terms(fit, setting), list[FloatArray]()
     positions = [sensor.key for sensor in setting.model.sensors if sensor.measures == "position"]
-    for index, (one, record) in enumerate(zip(simulated, setting.records, strict=True)):
+
+    def rounded(record: Record, exact: Record, phase: float) -> Record:
         coarse = {}
         for place, key in enumerate(key for key in positions if key in record.signals):
-            step, exact = record.facts.rounding(key), one.record.signals[key]
+            step = record.facts.rounding(key)
             if step > 0.0:
-                turned = exact / step + (place + 1) * phase
+                turned = exact.signals[key] / step + (place + 1) * phase
                 coarse[key] = record.signals[key] + step * (np.round(turned) - turned)
-        more = _rows(setting, record.edited(coarse), index).mixed(terms)
-        mismatches.append(more - _rows(setting, record, index).mixed(terms))
-    return tuple(mismatches[block.record][block.row][block.place] for block in fit.blocks)
+        return record.edited(coarse)
+
+    pairs = [*zip(setting.records, simulated, strict=True)]
+    every = ([rounded(record, one.record, phase) for record, one in pairs] for phase in phases)
+    return _added_to_residual(fit, setting, every)
+
+
+def _added_to_residual(
+    fit: Fit, setting: Setting, edited: Iterable[Sequence[Record]]
+) -> Iterator[tuple[FloatArray, ...]]:
+    """Yield what edits of the records add to the residual: one array a block of the fit, shape (n,)."""
+    terms = _mismatch_terms(fit, setting)
+    plain = [_rows(setting, record, index).mixed(terms) for index, record in enumerate(setting.records)]
+    for records in edited:
+        more = [_rows(setting, record, index).mixed(terms) for index, record in enumerate(records)]
+        added = [one - other for one, other in zip(more, plain, strict=True)]
+        yield tuple(added[block.record][block.row][block.place] for block in fit.blocks)
 
 
 def _mismatch_terms(fit: Fit, setting: Setting) -> tuple[dict[str, float], ...]:

@@ -19,7 +19,7 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
     late_forces,
-    on_common_samples,
+    left_less,
     with_note,
 )
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands
@@ -96,13 +96,9 @@ def _of_noise(begun: Begun, means: Mapping[str, float]) -> float:
 
 
 def _gained(begun: Begun, other: Begun) -> float:
-    """Return by how much less another estimate leaves: the misfit is half a chi square.
-
-    What needs further effects has to leave less for each.
-    """
+    """Return by how much less another estimate leaves; what needs further effects has to for each."""
     further = _estimated(other) - _estimated(begun)
-    before, after = on_common_samples([begun.found.fit, other.found.fit])
-    return before.misfit - after.misfit - AS_LIKELY * max(further, 0)
+    return left_less(begun.found.fit, other.found.fit) - AS_LIKELY * max(further, 0)
 
 
 def _estimated(begun: Begun) -> int:

@@ -21,7 +21,7 @@ from modelgen.runtime.identification.explanation.explain_stretches import (
 )
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
-    on_common_samples,
+    left_less,
     run_method,
     with_note,
 )
@@ -177,7 +177,7 @@ def _run(task: Task, job: Job, method: Method, fit: Fit) -> tuple[Job, Begun]:
     with suppress(IdentifiabilityError, DataError):
         turned = directed(job, fit)
         found = run_method(replace(task, job=turned), method)
-        before, after = on_common_samples([plain.found.fit, found.found.fit])
-        return (turned, found) if after.misfit <= before.misfit else (job, plain)
+        better = left_less(plain.found.fit, found.found.fit) >= 0.0
+        return (turned, found) if better else (job, plain)
     calm = replace(job, turns=False)
     return calm, run_method(replace(task, job=calm), method)

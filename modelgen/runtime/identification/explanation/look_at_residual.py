@@ -155,12 +155,13 @@ def _beyond_rounding(
     """
     effects, grown = tested
     critical = normal_beyond(0.5 * LEVEL / max(len(found), 1))
+    phases = np.linspace(0.0, 1.0, ROUNDED_AT, endpoint=False).tolist()
     left, changed = list[FloatArray](), list[Score]()
     for one in found:
         if (one.matters or one.likely) and within_rounding(one.effect, one.size, simulated):
             left = left or [
-                span.apart(stacked(span.fit, rounded_rows(now.fit, now.setting, simulated, phase)))
-                for phase in np.linspace(0.0, 1.0, ROUNDED_AT, endpoint=False).tolist()
+                span.apart(stacked(span.fit, rows))
+                for rows in rounded_rows(now.fit, now.setting, simulated, phases)
             ]
             own = stacked(span.fit, grown[effects.index(one.effect)])
             spread = float(np.sqrt(np.mean([float(own @ r) ** 2 for r in left]))) / one.power

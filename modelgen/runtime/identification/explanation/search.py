@@ -10,7 +10,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.identification.explanation.explained import on_common_samples, unlikely
+from modelgen.runtime.identification.explanation.explained import left_less, on_common_samples, unlikely
 from modelgen.runtime.identification.explanation.look_at_residual import (
     Seen,
     believable,
@@ -118,9 +118,8 @@ class Search:
 
     def _leads_on(self, effects: Sequence[Effect], freed: Freed) -> bool:
         """Tell whether effects are new together, and leave no more a sample than those estimated now."""
-        fits = on_common_samples([self.now.fit, freed.fit])
         most = AS_LIKELY * (1 + max(len(self.effects) + 1 - len(effects), 0))
-        return _names(effects) not in self.before and fits[1].misfit - fits[0].misfit < most
+        return _names(effects) not in self.before and left_less(freed.fit, self.now.fit) < most
 
     def told(self, seen: Seen) -> list[bool]:
         """Tell of each effect that is estimated whether it is certain, and large enough to be named."""
@@ -135,10 +134,10 @@ class Search:
         least = normal_beyond(0.5 * LEVEL)
         for effect in shapes:
             found = self._freed(effect)
-            if found is not None and found[1].sizes[-1] > least * found[1].stds[-1]:
-                now, fit = on_common_samples([self.now.fit, found[1].fit])
-                if fit.misfit < now.misfit - AS_LIKELY:
-                    yield found[0][-1], *found
+            if found is None or left_less(self.now.fit, found[1].fit) <= AS_LIKELY:
+                continue
+            if found[1].sizes[-1] > least * found[1].stds[-1]:
+                yield found[0][-1], *found
 
     def _holding(self, score: Score, *advice: Advice) -> Search:
         """Return the search at its end, with what a score moves in the intervals."""

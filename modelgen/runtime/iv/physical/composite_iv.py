@@ -67,9 +67,9 @@ def fit_composites_iv(
         found = fit_physical_iv(setting, rows, on_time, _start_near(model, near), rules, settled=True)
         return found.observation, found.fit
     first = fit_matched(rows(tuple(setting.records)))
-    near_by = begin is not None and known_delays is not None
-    # an estimate of nearly the same records is not that far off
-    rules = replace(rules, farthest=MANY_TIMES) if near_by else rules
+    if begin is not None and known_delays is not None:
+        # an estimate of nearly the same records is not that far off
+        rules = replace(rules, farthest=MANY_TIMES)
     plain = replace(rules, robust=False, bounded=False)
 
     def beginnings() -> Iterator[Beginning]:

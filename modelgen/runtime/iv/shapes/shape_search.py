@@ -74,7 +74,7 @@ class ShapeRows:
     @property
     def slowest_hz(self) -> float:
         """The frequency in Hz below which the longest record holds too little of a period."""
-        return FEWEST_PERIODS / max(record.n * record.dt for record in self.setting.records)
+        return FEWEST_PERIODS / max(record.duration_s for record in self.setting.records)
 
     @cached_property
     def limits(self) -> tuple[float, float]:
