@@ -10,6 +10,8 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 
+from modelgen.magnitudes import is_usable
+
 STANDARD_GRAVITY = 9.80665  # m/s^2
 LONGEST_UNIT = 80  # characters; a longer text is none
 
@@ -23,90 +25,100 @@ class Unit:
     factor: float
 
 
-_PREFIXES = {"": 1.0, "k": 1e3, "M": 1e6, "d": 1e-1, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
-_ANGLES = {
-    "rad": 1.0,
-    "deg": math.pi / 180.0,
-    "degree": math.pi / 180.0,
-    "degrees": math.pi / 180.0,
-    "°": math.pi / 180.0,
-    "grad": math.pi / 200.0,
-    "gon": math.pi / 200.0,
-    "arcsec": math.pi / 648000.0,
-    "arcmin": math.pi / 10800.0,
-    "rev": 2.0 * math.pi,
-    "turn": 2.0 * math.pi,
-    "r": 2.0 * math.pi,
-    "U": 2.0 * math.pi,
-    "umdr": 2.0 * math.pi,
+_PREFIXES = {"": 1.0, "k": 1e3, "d": 1e-1, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
+_DEGREE, _REVOLUTION = math.pi / 180.0, 2.0 * math.pi
+_POUND, _OUNCE = 4.4482216152605, 0.27801385095378125  # as forces, in N
+# Quantities as exponents of angle, length, force, time, and what else there is to measure.
+_Quantity = tuple[int, int, int, int, str]
+_ANGLE, _LENGTH, _FORCE, _TIME = (1, 0, 0, 0, ""), (0, 1, 0, 0, ""), (0, 0, 1, 0, ""), (0, 0, 0, 1, "")
+_SPEED, _ACCELERATION = (1, 0, 0, -1, ""), (0, 1, 0, -2, "")
+_SI: dict[_Quantity, str] = {
+    **{_ANGLE: "rad", _SPEED: "rad/s", (1, 0, 0, -2, ""): "rad/s^2"},
+    **{_LENGTH: "m", (0, 1, 0, -1, ""): "m/s", _ACCELERATION: "m/s^2"},
+    **{_FORCE: "N", (0, 1, 1, 0, ""): "N m", _TIME: "s"},
+    **{(0, 0, 0, 0, name): name for name in ("A", "V", "Hz", "count", "1")},
 }
-_TIMES = {
-    "s": 1.0,
-    "sec": 1.0,
-    "second": 1.0,
-    "seconds": 1.0,
-    "sekunden": 1.0,
-    "msec": 1e-3,
-    "millisecond": 1e-3,
-    "milliseconds": 1e-3,
-    "usec": 1e-6,
-    "microseconds": 1e-6,
-    "min": 60.0,
-    "minutes": 60.0,
-    "h": 3600.0,
-    "100ns": 1e-7,
+# "grad" is none: a hundredth of a right angle in English, a degree in German
+_PREFIXED: dict[str, tuple[_Quantity, float]] = {
+    **{"m": (_LENGTH, 1.0), "N": (_FORCE, 1.0), "s": (_TIME, 1.0), "rad": (_ANGLE, 1.0)},
+    **{"deg": (_ANGLE, _DEGREE), "g": (_ACCELERATION, STANDARD_GRAVITY), "rpm": (_SPEED, _REVOLUTION / 60.0)},
+    **{"G": (_ACCELERATION, STANDARD_GRAVITY), "sec": (_TIME, 1.0)},
+    **{name: ((0, 0, 0, 0, name), 1.0) for name in ("A", "V", "Hz")},
 }
-_SPECIAL = {
-    "rpm": ("rad/s", 2.0 * math.pi / 60.0),
-    "1/min": ("rad/s", 2.0 * math.pi / 60.0),
-    "min^-1": ("rad/s", 2.0 * math.pi / 60.0),
-    "dps": ("rad/s", math.pi / 180.0),
-    "g": ("m/s^2", STANDARD_GRAVITY),
-    "g0": ("m/s^2", STANDARD_GRAVITY),
-    "gn": ("m/s^2", STANDARD_GRAVITY),
-    "inch": ("m", 0.0254),
-    "in": ("m", 0.0254),
-    "volt": ("V", 1.0),
-    "volts": ("V", 1.0),
-    "ampere": ("A", 1.0),
-    "amps": ("A", 1.0),
-    "amp": ("A", 1.0),
+_NAMES: dict[_Quantity, dict[str, float]] = {
+    _ANGLE: {
+        **dict.fromkeys(("radian", "radians"), 1.0),
+        **dict.fromkeys(("degree", "degrees", "°", "Grad"), _DEGREE),
+        **{"gon": math.pi / 200.0, "arcsec": math.pi / 648000.0, "arcmin": math.pi / 10800.0},
+        **dict.fromkeys(("rev", "revs", "turn", "turns", "r", "U", "umdr", "Umdrehungen"), _REVOLUTION),
+    },
+    _LENGTH: {
+        **dict.fromkeys(("meter", "meters", "metre", "metres"), 1.0),
+        **dict.fromkeys(("in", "inch", "inches"), 0.0254),
+        **{"ft": 0.3048, "mil": 2.54e-5, "mils": 2.54e-5},
+    },
+    _FORCE: {
+        **dict.fromkeys(("newton", "newtons"), 1.0),
+        **{"daN": 10.0, "MN": 1e6},
+        **dict.fromkeys(("kp", "kgf"), STANDARD_GRAVITY),
+        **dict.fromkeys(("lb", "lbs", "lbf"), _POUND),
+        **dict.fromkeys(("oz", "ozf"), _OUNCE),
+    },
+    (0, 1, 1, 0, ""): {"Newtonmeter": 1.0},
+    _TIME: {
+        **dict.fromkeys(("second", "seconds", "sekunden", "sek"), 1.0),
+        **dict.fromkeys(("millisecond", "milliseconds"), 1e-3),
+        **{"microseconds": 1e-6, "min": 60.0, "minutes": 60.0, "h": 3600.0},
+    },
+    _SPEED: {**dict.fromkeys(("1/min", "min^-1", "min-1", "upm"), _REVOLUTION / 60.0), "dps": _DEGREE},
+    (0, 1, 0, -1, ""): {"ms^-1": 1.0, "ms-1": 1.0},
+    _ACCELERATION: {**dict.fromkeys(("g0", "gn"), STANDARD_GRAVITY), "ms^-2": 1.0, "ms-2": 1.0},
+    (0, 0, 0, 0, "V"): {"volt": 1.0, "volts": 1.0},
+    (0, 0, 0, 0, "Hz"): {"MHz": 1e6},
+    (0, 0, 0, 0, "A"): {"ampere": 1.0, "amps": 1.0, "amp": 1.0},
     # what one is worth only the encoder, or the converter, knows
-    **dict.fromkeys(("count", "counts", "cts", "inc", "incs", "inkr", "inkremente"), ("count", 1.0)),
-    **dict.fromkeys(("increment", "increments", "ticks", "pulses", "lsb"), ("count", 1.0)),
-    "%": ("1", 1e-2),
-    "1": ("1", 1.0),
-    "-": ("1", 1.0),
+    (0, 0, 0, 0, "count"): {
+        **dict.fromkeys(("count", "counts", "cts", "inc", "incs", "ink", "inkr", "inkremente"), 1.0),
+        **dict.fromkeys(("increment", "increments", "tick", "ticks", "pulse", "pulses", "lsb"), 1.0),
+        **dict.fromkeys(("bit", "bits", "digit", "digits"), 1.0),
+    },
+    (0, 0, 0, 0, "1"): {"%": 1e-2, "1": 1.0, "-": 1.0},
 }
 # what stands where an instrument has no unit to state
 _NONE = ("", "none", "(none)", "unknown", "n/a", "unbekannt", "double", "float", "single", "real", "lreal")
 
 
-def _table() -> dict[str, tuple[str, float]]:
-    table = {name: ("s", factor) for name, factor in _TIMES.items()}
-    lengths = {}
-    for prefix, size in _PREFIXES.items():
-        lengths[f"{prefix}m"] = size
-        for name, si in (("N m", "N m"), ("Nm", "N m"), ("N", "N"), ("A", "A"), ("V", "V"), ("s", "s")):
-            table[f"{prefix}{name}"] = (si, size)
-        for name in ("Hz",):
-            table[f"{prefix}{name}"] = ("Hz", size)
-    angles = {**_ANGLES, "mrad": 1e-3, "urad": 1e-6, "mdeg": 1e-3 * math.pi / 180.0}
-    for si, units in (("m", lengths), ("rad", angles)):
-        for name, factor in units.items():
-            table[name] = (si, factor)
-            for text, seconds in (("s", 1.0), ("sec", 1.0), ("min", 60.0), ("ms", 1e-3)):
-                table[f"{name}/{text}"] = (f"{si}/s", factor / seconds)
-            for text in ("s^2", "s2", "s/s"):
-                table[f"{name}/{text}"] = (f"{si}/s^2", factor)
-    table.update(_SPECIAL)
+def _table() -> dict[str, tuple[_Quantity, float]]:
+    """Return what words are: units with their prefixes, and a force beside a length as in Nmm, lbin, ftlb."""
+    table = {
+        prefix + name: (quantity, size * factor)
+        for name, (quantity, factor) in _PREFIXED.items()
+        for prefix, size in _PREFIXES.items()
+    }
+    for quantity, units in _NAMES.items():
+        table |= {name: (quantity, factor) for name, factor in units.items()}
+    forces = [(name, factor) for name, (quantity, factor) in table.items() if quantity == _FORCE]
+    for force, newtons in forces:
+        for length in ("m", "cm", "mm", "in", "ft"):
+            moment = ((0, 1, 1, 0, ""), newtons * table[length][1])
+            table[force + length] = moment
+            if length in ("in", "ft"):
+                table[length + force] = moment
     return table
 
 
+def _lower(table: dict[str, tuple[_Quantity, float]]) -> dict[str, tuple[_Quantity, float]]:
+    """Return the table in small letters, without what these do not distinguish."""
+    found: dict[str, set[tuple[_Quantity, float]]] = {}
+    for name, meaning in table.items():
+        found.setdefault(name.lower(), set()).add(meaning)
+    return {name: meanings.pop() for name, meanings in found.items() if len(meanings) == 1 and name != "grad"}
+
+
 _KNOWN = _table()
-_LOWER = {name.lower(): value for name, value in reversed(_KNOWN.items())}
-_REPLACED = {"µ": "u", "μ": "u", "²": "^2", "⁻¹": "^-1", "**": "^", "·": " ", "*": " ", "º": "°"}
-_REPLACED |= {"[": "", "]": ""}
+_LOWER = _lower(_KNOWN)
+_REPLACED = {"µ": "u", "μ": "u", "⁻¹": "^-1", "⁻²": "^-2", "²": "^2", "**": "^", "º": "°"}
+_REPLACED |= {"·": " ", "⋅": " ", "*": " ", "[": "", "]": ""}
 
 
 def unit_from_text(text: str) -> Unit | None:
@@ -117,11 +129,38 @@ def unit_from_text(text: str) -> Unit | None:
 @lru_cache(maxsize=4096)  # a file of thousands of columns has few units
 def _unit(text: str) -> Unit | None:
     cleaned = _cleaned(text)
-    found = _KNOWN.get(cleaned) or _KNOWN.get(cleaned.replace(" ", ""))
-    # "NM" and "DEG" are written by instruments, but Mm and mm are not the same
-    if found is None and len(cleaned) > 2:
-        found = _LOWER.get(cleaned.lower())
+    found = _meaning(cleaned)
     return None if found is None else Unit(text.strip(), *found)
+
+
+def _meaning(text: str) -> tuple[str, float] | None:
+    """Return the SI unit of a product of powers and its factor: "0.1 deg/s", "N mm", "m s^-2", "lbf-in"."""
+    scale = re.match(r"([0-9]+(?:[.,][0-9]+)?(?:[eE][+-]?[0-9]+)?) ?(?=[^\W\d]|°|%)", text)
+    steps, text = (scale.group(1), text[scale.end() :]) if scale else ("1", text)
+    exponents, others, factor = [0, 0, 0, 0], "", float(steps.replace(",", "."))
+    capitals = len(text) > 2 and text.isupper()
+    for place, part in enumerate([text] if _word(text, capitals) else text.split("/")):
+        for word in [part] if _word(part, capitals) else re.split(r" |\.|-(?=[^\W\d])", part.strip()):
+            match = re.fullmatch(r"([^\d^-]+)(?:\^?(-?[1-3]))?", word)
+            whole = _word(word, capitals)
+            found = whole or (_word(match[1], capitals) if match else None)
+            power = 1 if whole or not match else int(match[2] or 1)
+            power = -power if place else power
+            if found is None or (found[0][4] and (power != 1 or others)):
+                return None
+            quantity, size = found
+            exponents = [sum_ + power * one for sum_, one in zip(exponents, quantity[:4], strict=True)]
+            others, factor = others + quantity[4], factor * size**power
+    si = _SI.get((exponents[0], exponents[1], exponents[2], exponents[3], others))
+    return None if si is None or not is_usable(factor) or factor == 0.0 else (si, factor)
+
+
+def _word(word: str, capitals: bool) -> tuple[_Quantity, float] | None:
+    """Return what a word is: instruments write "NMM" and "Newton", too, but Mm and mm are not the same."""
+    found = _KNOWN.get(word)
+    if found is None and (capitals or (len(word) > 2 and word.istitle())):
+        found = _LOWER.get(word.lower())
+    return found
 
 
 def states_no_unit(text: str) -> bool:
@@ -132,12 +171,15 @@ def states_no_unit(text: str) -> bool:
 def split_name(text: str) -> tuple[str, str | None]:
     """Split "theta [rad]", "torque (Nm)", "t in ms", "pos / mm" or "speed_rpm" into a name and a unit's text.
 
-    What stands at the end counts as a unit only where it is one; a single letter must stand in brackets.
+    What stands at the end counts as a unit only where it is one, or in square brackets apart from the name; a
+    single letter must stand in brackets.
     """
     match = re.fullmatch(r"(.*?)\s*(?:\[([^\]]*)\]|\(([^)]*)\))\s*", text)
     if match and match.group(1):
         inner = match.group(2) if match.group(2) is not None else match.group(3)
-        if match.group(2) is not None or unit_from_text(inner) or states_no_unit(inner):
+        # "position[elbow]" and "position[2]" are names; "torque [furlong]" states a unit, if an unknown one
+        apart = match.group(2) is not None and text[match.end(1)].isspace() and not inner.strip().isdecimal()
+        if apart or (unit_from_text(inner) and not inner.isdecimal()) or states_no_unit(inner):
             return match.group(1).strip(), inner.strip() or None
     match = re.fullmatch(r"(.*\S)\s*(?:\bin\b| / )\s*(\S+)", text)
     if match and unit_from_text(match.group(2)):
@@ -159,4 +201,4 @@ def _cleaned(text: str) -> str:
         result = result.replace(old, new)
     # "V (Voltage)": the unit, then what it measures
     result = re.sub(r"(?<=\S)\s*\([A-Za-z ]+\)\s*$", "", result)
-    return re.sub(r"^\((.*)\)$", r"\1", result).strip()
+    return re.sub(r"^\((.*)\)$", r"\1", result).strip().removesuffix(".")

@@ -25,7 +25,7 @@ from modelgen.documents import toml_document, toml_string
 from modelgen.errors import DataError, Problem
 from modelgen.magnitudes import FACTOR_REMEDY, FREQUENCY_REMEDY, is_frequency, is_usable
 from modelgen.read_file import MAPPING, read_text
-from modelgen.runtime.files.units import unit_from_text
+from modelgen.runtime.files.units import states_no_unit, unit_from_text
 
 TABLES = {"time": ("column", "unit", "fs_hz", "period_s"), "channel": ("column", "factor", "negate", "unit")}
 
@@ -121,11 +121,13 @@ def _channel_lines(entry: Proposed) -> list[str]:
     unit = unit_from_text(entry.stated or "")
     if unit is not None and (not entry.unit or unit.si == entry.unit):
         lines.append(f"factor = {unit.factor!r}  # {_comment(entry.stated)} -> {unit.si}")
-    elif unit is not None:
-        lines.append(f"# factor = ...  # {entry.unit} per {_comment(entry.stated)}, to be written here")
+    elif entry.stated and not states_no_unit(entry.stated):
+        unknown = "" if unit else ", a unit that is not known"
+        per = f"{entry.unit or 'SI'} per {_comment(entry.stated)}{unknown}"
+        lines.append(f"# factor = ...  # {per}, to be written here")
     else:
-        stated = f"the unit {_comment(entry.stated)} is not known" if entry.stated else "no unit is stated"
-        lines.append(f"factor = 1.0  # {stated}{f'; {entry.unit} wanted' if entry.unit else ''}")
+        wanted = f"; {entry.unit} wanted" if entry.unit else ""
+        lines.append(f"factor = 1.0  # no unit is stated{wanted}")
     return [*lines, f"negate = {'true' if entry.negate else 'false'}"]
 
 

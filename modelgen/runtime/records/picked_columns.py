@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from modelgen.errors import Problem
 from modelgen.magnitudes import FACTOR_REMEDY, is_usable, shown_number
 from modelgen.runtime.files.source import Source
-from modelgen.runtime.files.units import Unit, unit_from_text
+from modelgen.runtime.files.units import Unit, states_no_unit, unit_from_text
 from modelgen.runtime.records.record import missing_name
 
 NAME_IT = "name it (--map {key}=COLUMN), or let `modelgen import` propose one"
@@ -94,23 +94,21 @@ def shared_problems(source: Source, picks: Sequence[Pick], wanted: Collection[st
 
 
 def unit_problems(source: Source, picks: Sequence[Pick], wanted: Mapping[str, str]) -> list[Problem]:
-    """Return one problem per column that states another quantity than wanted (SI units), without a factor.
+    """Return one problem per column that states another quantity than wanted (SI units), or one that is not
+    known, without a factor.
 
     A torque logged as a current needs its torque constant: without it every number would be in a wrong unit.
     """
     found = []
     for pick in picks:
         asked, unit = wanted.get(pick.key), pick.unit
-        # a share of what a drive can do is no number that stands for itself
-        if (
-            pick.scaled
-            or not asked
-            or unit is None
-            or unit.si == asked
-            or (unit.si, unit.factor) == ("1", 1.0)
-        ):
+        if pick.scaled or not asked or not pick.stated or states_no_unit(pick.stated):
             continue
-        what = f"column {pick.column} is in {pick.stated}, and {asked} is needed"
+        # a share of what a drive can do is no number that stands for itself
+        if unit is not None and (unit.si == asked or (unit.si, unit.factor) == ("1", 1.0)):
+            continue
+        unknown = "" if unit else ", a unit that is not known"
+        what = f"column {pick.column} is in {pick.stated}{unknown}, and {asked} is needed"
         remedy = (
             f"give its factor, {asked} per {pick.stated}: --scale {pick.key}=FACTOR, or factor in a map file"
         )

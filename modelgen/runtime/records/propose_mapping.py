@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from modelgen.errors import listed
 from modelgen.runtime.files.matrix_columns import column_of_text
 from modelgen.runtime.files.source import Source, is_time_name
-from modelgen.runtime.files.units import Unit, unit_from_text
+from modelgen.runtime.files.units import Unit, states_no_unit, unit_from_text
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.directions import wanted_directions
 from modelgen.runtime.records.mapping_file import Proposed
@@ -127,7 +127,7 @@ def _proposed(want: _Wanted, column: str | None, source: Source, columns: Sequen
     why = f"{want.measures} of {want.body}: by its name" + (" and unit" if agrees else "")
     if want.measures == "force" and _is_set_point(_words(column)):
         why += "; it looks like a set point: take the measured one where there is one"
-    if unit is not None and want.unit and not agrees:
+    if stated and want.unit and not agrees and not states_no_unit(stated):
         why += f"; in {stated}: give {want.unit} per {stated} as its factor"
     return Proposed(want.key, want.unit, column, stated, why)
 

@@ -109,6 +109,8 @@ def test_references_are_told_from_each_other_and_from_the_current_s() -> None:
         ("Gamma_m", "Moment", "%", "N m"),  # of the drive's rated one
         ("Gamma_m", "Moment", "lsb", "N m"),
         *(("q_m", "q_m", unit, "rad") for unit in ("counts", "inc", "Increments", "[ticks]")),
+        ("Gamma_m", "Moment", "furlong", "N m"),  # a unit that is not known
+        ("q_m", "q_m", "grad", "rad"),  # a degree, or a hundredth of a right angle
     ],
 )
 def test_what_is_logged_as_something_else_is_proposed_with_the_factor_that_it_needs(

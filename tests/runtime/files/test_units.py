@@ -1,0 +1,65 @@
+"""Units as instruments write them: products of powers, prefixes, steps of so much; and what is none."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from modelgen.errors import DataError
+from modelgen.runtime.files.units import split_name, unit_from_text
+from modelgen.runtime.records.read_record import read
+
+SPEED, INCH_POUND = 2.0 * math.pi / 60.0, 0.0254 * 4.4482216152605
+
+
+@pytest.mark.parametrize(
+    ("texts", "si", "factor"),
+    [
+        (("min-1", "min⁻¹", "1/min", "U/min", "Upm", "UPM", "rpm", "rev/min", "[RPM]"), "rad/s", SPEED),
+        (("krpm", "1000 rpm", "1e3 U/min"), "rad/s", 1000.0 * SPEED),
+        (("Nmm", "N·mm", "mNm", "N mm", "NMM", "0.001 Nm", "mN*m"), "N m", 1e-3),
+        (("lbf in", "in-lb", "inlb", "lbf·in", "in lbf"), "N m", INCH_POUND),
+        (("mg", "mG"), "m/s^2", 9.80665e-3),
+        (("m s-2", "m·s^-2", "ms-2", "m/s/s", "m s⁻²", "m/sec2"), "m/s^2", 1.0),
+        (("Grad", "DEG", "degrees", "°"), "rad", math.pi / 180.0),
+        (("0.001 mm", "0,001 mm", "um", "µm"), "m", 1e-6),
+        (("MM/S", "mm/s", "mm/sec"), "m/s", 1e-3),
+        (("Newton", "N"), "N", 1.0),
+        (("MHz",), "Hz", 1e6),
+    ],
+)
+def test_what_is_known(texts: tuple[str, ...], si: str, factor: float) -> None:
+    for text in texts:
+        unit = unit_from_text(text)
+        assert unit is not None and (unit.si, unit.factor) == (si, pytest.approx(factor, rel=1e-14)), text
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("grad", "GRAD/s", "1/s", "Mm", "°C", "counts/s", "Nm/rad", "m^9", "m^-4", "%Nm", "A V", "1e999 m"),
+        *("1e-999 m", "/", "m//s", "-", "5", "m" * 81, "/" * 79, "N-", "\u0661 m\u0661"),
+    ],
+)
+def test_what_is_not(text: str) -> None:
+    unit = unit_from_text(text)
+    assert unit is None or text == "-"
+
+
+def test_a_place_in_brackets_is_no_unit() -> None:
+    for name in ("/joints.position[elbow]", "position[2]", "position [2]", "a[1]", "speed (elbow)"):
+        assert split_name(name) == (name, None)
+    assert split_name("theta[deg]") == ("theta", "deg")
+    assert split_name("theta [furlong]") == ("theta", "furlong")
+
+
+def test_a_unit_that_is_not_known_asks_for_its_factor(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t [ms],torque [furlong]\n0,0\n1,180\n2,360\n")
+    with pytest.raises(DataError, match="is in furlong, a unit that is not known, and N m is needed"):
+        read(path, {"tau": "torque"}, units={"tau": "N m"})
+    signals = read(path, {"tau": "torque"}, {"tau": 2.0}, units={"tau": "N m"}).record.signals
+    np.testing.assert_array_equal(signals["tau"], [0.0, 360.0, 720.0])
