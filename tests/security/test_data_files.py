@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import pickle
+import re
 import struct
 import zipfile
 import zlib
@@ -59,7 +60,7 @@ def mat_bomb() -> bytes:
 
 
 OBJECTS = np.array([Payload(), None], dtype=object)
-OBJECT = "Object arrays cannot be loaded"
+OBJECT = "no plain arrays"
 MARK = "line 1: is a damaged record header"
 PICKLE = pickle.dumps(Payload())
 GOOD = npz(fs=1000.0, q_m=np.sin(np.arange(100.0)))
@@ -81,6 +82,7 @@ ARCHIVES: dict[str, tuple[Callable[[], bytes], str]] = {
     "broken header": (lambda: archive("q_m.npy", npy("{'descr':")), "is no NumPy archive"),
     "deep header": (lambda: archive("q_m.npy", npy("[" * 9000)), "is no NumPy archive"),
     "huge header": (lambda: archive("q_m.npy", npy("{" + " " * 60_000 + "}")), "is no NumPy archive"),
+    "huge sum in the header": (lambda: archive("q_m.npy", npy(HEADER % "10**15")), "is no NumPy archive"),
     "odd type": (lambda: archive("q_m.npy", npy(HEADER.replace("<f8", "<zz") % 1)), "is no NumPy archive"),
     "negative shape": (lambda: archive("q_m.npy", npy(HEADER % -5)), "is no NumPy archive"),
     "shape beyond memory": (lambda: archive("q_m.npy", npy(HEADER % 10**15)), "is no NumPy archive"),
@@ -218,4 +220,6 @@ def refused(path: Path, content: bytes, message: str) -> None:
     with pytest.raises(DataError, match=message) as caught:
         read_record(path)
     assert path.stem in str(caught.value)
+    # no advice to trust what is in it, and the same words every time
+    assert not re.search("allow_pickle|trust| at 0x", str(caught.value))
     assert path.read_bytes() == content

@@ -26,6 +26,7 @@ READERS = {
     ".mcap": ("child_process.messages", "open_mcap"),
     **dict.fromkeys(BAGS, ("child_process.messages", "open_rosbag")),
 }
+SHEETS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 # of files that are packed as a whole the suffix before it shows the format
 PACKED = (".zstd", ".zst", ".gz", ".bz2", ".xz", ".zip")
 
@@ -48,6 +49,7 @@ def open_source(path: Path) -> Source:
             raise DataError.at(str(path), "is a folder", remedy)
         what = f"has the suffix {suffix!r}" if suffix else "has no suffix"
         first = "unpack it, and " if path.suffix.lower() in PACKED else ""
+        first = "save the sheet as CSV, or " if suffix in SHEETS else first
         raise DataError.at(str(path), what, f"{first}give a file of one of the formats {', '.join(READERS)}")
     check_file(path, TEXT_DATA if suffix in TEXT_SUFFIXES else DATA)
     try:

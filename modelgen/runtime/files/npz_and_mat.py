@@ -20,6 +20,10 @@ from modelgen.runtime.files.source import Columns, Source, source_of_arrays, sou
 from modelgen.runtime.files.units import states_no_unit
 
 
+class _NotPlain(ValueError):
+    """An archive is not one of arrays with names."""
+
+
 def open_npz(path: Path) -> Source:
     """Return the source of a NumPy archive; pickled objects in it are never loaded.
 
@@ -34,19 +38,21 @@ def open_npz(path: Path) -> Source:
             check_zip_members(path, file)
             archive = np.load(file, allow_pickle=False)
             if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise ValueError("it holds a single array without a name")
+                raise _NotPlain("it holds a single array without a name")
             check_columns(path, len(archive.files))
             members = archive.zip.infolist() if archive.zip else []
             check_expansion(path, sum(member.file_size for member in members))
             arrays = {name: archive[name] for name in archive.files}
         foreign = next((name for name, array in arrays.items() if not isinstance(array, np.ndarray)), None)
         if foreign is not None:
-            raise ValueError(f"its member {foreign!r} is no array")
+            raise _NotPlain(f"its member {foreign!r} is no array")
     except (OSError, DataError):
         raise
     except Exception as error:  # a damaged file breaks the parser in many ways
+        # NumPy's own words advise to trust pickled objects, and state addresses in memory
+        reason = str(error) if isinstance(error, _NotPlain) else "its members are no plain arrays"
         remedy = "write it with numpy.savez, plain arrays only"
-        raise DataError.at(str(path), f"is no NumPy archive ({error})", remedy) from error
+        raise DataError.at(str(path), f"is no NumPy archive ({reason})", remedy) from error
     texts = {
         name: str(array) for name, array in arrays.items() if array.ndim == 0 and array.dtype.kind == "U"
     }

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from modelgen.array_types import FloatArray
 from modelgen.errors import Problem, listed
 from modelgen.magnitudes import FAINTEST, LARGEST
+from modelgen.runtime.records.faults import restarts
 
 MISSING_REMEDY = "cut the record there, or interpolate the missing samples"
 
@@ -101,3 +102,14 @@ def length_problems(where: str, channels: Mapping[str, FloatArray]) -> list[Prob
     if shortest < 2:
         return [Problem(where, f"has {shortest} sample(s)", "give at least two samples")]
     return []
+
+
+def restart_problems(path: str, clocks: Mapping[str, FloatArray]) -> list[Problem]:
+    """Return one problem per column of times (n,), in s, in which several records follow one another."""
+    problems = []
+    for name, times in clocks.items():
+        if (again := restarts(times)).size:
+            what = f"begins again: {again.size + 1} records follow one another"
+            remedy = "cut the file there, and give every record as a file of its own"
+            problems.append(Problem(f"{path}: column {name}, sample {again[0]}", what, remedy))
+    return problems

@@ -17,6 +17,7 @@ from modelgen.runtime.records.thresholds import (
     LEAST_STAMPS,
     NEAR_GAP,
     NOTED_OFFSET,
+    RESTART,
     ROUGH_ORDER,
     SCATTERED,
     SLOPE_SAMPLES,
@@ -40,6 +41,17 @@ class Finding:
         return f"{self.kind}: {self.what}"
 
 
+def restarts(times: FloatArray) -> IntArray:
+    """Return the samples at which times, shape (n,), in s, begin again where they first began, and go on."""
+    steps = np.diff(times) if np.all(np.isfinite(times)) else np.empty(0)
+    if not np.any(steps > 0.0):
+        return np.empty(0, dtype=int)
+    step = float(np.median(steps[steps > 0.0]))
+    again: IntArray = np.flatnonzero((steps[:-1] < 0.0) & (np.abs(steps[1:] - step) < step)) + 1
+    near: BoolArray = np.abs(times[again] - times[0]) < RESTART * step
+    return np.asarray(again[near])
+
+
 def time_faults(clock: str, times: FloatArray) -> tuple[Finding, ...]:
     """Return duplicate and backward time stamps, gaps, and uneven steps of a column of times.
 
@@ -58,7 +70,7 @@ def time_faults(clock: str, times: FloatArray) -> tuple[Finding, ...]:
     if repeated.size:
         what = f"{clock} repeats {repeated.size} time stamp(s), first at sample {repeated[0] + 1}"
         findings.append(Finding("duplicates", what))
-    backward = np.flatnonzero(steps < 0.0)
+    backward = np.setdiff1d(np.flatnonzero(steps < 0.0), restarts(times) - 1)
     if backward.size:
         what = f"{clock} runs backward at {backward.size} sample(s), by up to {-steps[backward].min():.6g} s"
         findings.append(Finding("duplicates", f"{what}, first at sample {backward[0] + 1}"))

@@ -16,7 +16,7 @@ from modelgen.keyword_options import with_defaults
 from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.joined.joined_source import open_record
 from modelgen.runtime.files.source import Columns, Source
-from modelgen.runtime.records.channel_checks import magnitude_problem, missing_problem
+from modelgen.runtime.records.channel_checks import magnitude_problem, missing_problem, restart_problems
 from modelgen.runtime.records.faults import (
     Finding,
     clock_faults,
@@ -264,6 +264,7 @@ def _together(
     if first is None or len(known) < len(keys):
         return mend_readings(signals, mend), ()
     distinct = {str(clocks[key]): known[key] for key in keys}
+    DataError.raise_any(restart_problems(str(source.path), distinct))
     findings = tuple(f for name, column in distinct.items() for f in time_faults(name, column))
     if all(same_clock(known[keys[0]], column) for column in distinct.values()):
         track = Track(known[keys[0]], signals)

@@ -44,6 +44,8 @@ NEAR = 1e-3
 # Two records that share so many changing samples, sample by sample, share a stretch.
 SHARED = 64
 
+# Steps from where times began within which they begin again: a logger's first sample may be one later.
+RESTART = 1.5
 UNIFORM = 1e-3  # of the step: how far a step may be from the others
 # Stamps that scatter are judged where there are so many; averages over as many are to be smaller than chance
 # makes them by this factor at most: a clock that wanders is not seen in channels.

@@ -196,7 +196,7 @@ def test_flags_and_complex_numbers_are_no_readings(tmp_path: Path) -> None:
 
 def test_pickled_objects_are_never_loaded(tmp_path: Path) -> None:
     np.savez(tmp_path / "run.npz", q_m=np.array([1.0, None]), fs=250)
-    assert "is no NumPy archive (Object arrays cannot be loaded" in complaint(tmp_path / "run.npz")
+    assert "is no NumPy archive (its members are no plain arrays)" in complaint(tmp_path / "run.npz")
 
 
 def test_what_is_no_archive(tmp_path: Path) -> None:
@@ -246,7 +246,9 @@ def test_what_is_no_matlab_file(tmp_path: Path) -> None:
 def test_the_file_itself(tmp_path: Path) -> None:
     for suffix in (".csv", ".npz", ".mat"):
         assert "cannot be read (No such file or directory)" in complaint(tmp_path / f"absent{suffix}")
-    assert "has the suffix '.xlsx'; give a file of one of the formats .csv," in complaint(tmp_path / "a.xlsx")
+    assert "has the suffix '.xlsx'; save the sheet as CSV, or give a file of" in complaint(
+        tmp_path / "a.xlsx"
+    )
     assert "has no suffix" in complaint(tmp_path / "run")
     with pytest.raises(DataError, match=r"is a folder; give a file$"):
         open_source(tmp_path)

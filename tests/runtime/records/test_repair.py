@@ -47,6 +47,19 @@ def test_nothing_is_mended_unasked(tmp_path: Path) -> None:
         read(save(tmp_path, np.delete(T, range(100, 110))))
 
 
+@pytest.mark.parametrize("late", [0, 1])
+def test_records_that_follow_one_another_are_no_times_to_be_dropped(tmp_path: Path, late: int) -> None:
+    path = save(tmp_path, np.concatenate([T, T[late:300], T]))
+    for mend in ((), ("duplicates",), ("duplicates", "gaps", "uneven")):
+        with pytest.raises(
+            DataError, match="sample 400: begins again: 3 records follow one another; cut the"
+        ):
+            read(path, mend=mend)
+    # a stamp that falls back alone, and a clock that is set back, are mended as before
+    for times in (np.insert(T, 50, 0.0), np.concatenate([T, T[50:]])):
+        assert read(save(tmp_path, times), mend=("duplicates",)).record.n == N
+
+
 @pytest.mark.parametrize(
     ("mend", "count", "first", "words"),
     [
