@@ -37,6 +37,10 @@ def spec_file(text: str, source: str) -> SpecFile:
         raise SpecError.at(
             source, "is larger than 1 MB", "check that this is a chain's or an arm's TOML file"
         )
+    if text.removeprefix("\ufeff").lstrip().startswith("<"):
+        raise SpecError.at(
+            source, "is XML, no TOML", "of a URDF make a TOML file: modelgen new NAME --urdf FILE"
+        )
     document = toml_document(text, source, SpecError)
     return SpecFile(document, source, hashlib.sha256(content).hexdigest())
 

@@ -113,7 +113,7 @@ TABLES = {
     "python": ("import os\nos.system('touch pwned')", "is not valid TOML"),
     "yaml tag": ("!!python/object/apply:os.system ['touch pwned']", "is not valid TOML"),
     "json": ('{"chain": {"name": "m"}}', "is not valid TOML"),
-    "xml entity": ('<!DOCTYPE x [<!ENTITY e SYSTEM "file:///etc/passwd">]>', "is not valid TOML"),
+    "xml entity": ('<!DOCTYPE x [<!ENTITY e SYSTEM "file:///etc/passwd">]>', "is XML, no TOML"),
     "unclosed text": ('chain = "', "is not valid TOML"),
     "half a table": ("[chain", "is not valid TOML"),
     "key twice": ("chain = 1\nchain = 2", "is not valid TOML"),

@@ -166,6 +166,15 @@ def test_byte_order_mark_and_windows_line_ends_are_accepted(tmp_path: Path) -> N
     assert load_spec(str(path)) == spec
 
 
+@pytest.mark.parametrize("text", ['<?xml version="1.0"?><robot name="r"/>', "\ufeff\n <robot/>"])
+def test_a_urdf_is_told_what_makes_a_description_of_it(text: str) -> None:
+    (problem,) = problems(text)
+    assert (
+        str(problem).startswith("axis.toml: is XML, no TOML; ")
+        and "modelgen new NAME --urdf" in problem.remedy
+    )
+
+
 # Wrong files: what is changed, the key that the message names, words of the message ----------------
 
 Q_C = 'a_c = { body = "c", measures = "acceleration" }'

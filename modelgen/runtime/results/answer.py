@@ -151,7 +151,10 @@ def refused_lines(estimate: Estimate) -> list[str]:
     return [
         line
         for one in grouped_reasons(estimate.unanswered)
-        for line in _wrapped(f"No number for {one.who}: {shortened(one.why, REASON)}", "  ")
+        # cut at the end, between words: half a number is none
+        for line in _wrapped(
+            f"No number for {one.who}: {textwrap.shorten(one.why, REASON, placeholder=' ...')}", "  "
+        )
     ]
 
 

@@ -71,6 +71,17 @@ def test_reasons_of_one_kind_share_a_line() -> None:
     assert "No number for K_a, S (J_a likewise): its standard deviation is 46.8 % of its value" in said
 
 
+def test_a_long_reason_ends_between_words() -> None:
+    whole = sound()
+    why = (
+        "cannot be distinguished (condition index 37; known is " + "J - 0.0027 F = 0.000795 +- 0.000013, " * 9
+    )
+    text = answer_text(replace(whole, parameters=replace(whole.parameters, not_identifiable={"S": why})))
+    said = " ".join(text.partition("No number")[2].partition("Verdict")[0].split())
+    shown = said.removeprefix("for S: ").removesuffix(" ...")
+    assert shown != said and why.startswith(f"{shown} ")
+
+
 def test_no_text_is_markup() -> None:
     whole = sound()
     evil = {"<script>": "<b>because</b>"}
