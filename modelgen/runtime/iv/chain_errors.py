@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.filters.derivatives import integral
+from modelgen.runtime.filters.derivatives import differentiate, integral
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.iv.companion_simulation import Further, Simulated
 from modelgen.runtime.iv.effect import DIRECTION, REVERSAL, Changes, Effect, curvature
@@ -23,6 +23,7 @@ from modelgen.runtime.iv.thresholds import (
 )
 from modelgen.runtime.model.mechanical_parts import Friction
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
 
 ROLE_OF = {"constant force": "offset", "Coulomb friction": "coulomb", "viscous friction": "viscous"}
 KIND_OF = {"constant force": "constant", "Coulomb friction": "force", "viscous friction": "force"}
@@ -152,6 +153,31 @@ def deflection(simulated: Simulated, stiffness: str) -> FloatArray:
     if key not in simulated.places:
         simulated.places[key] = _deflection(simulated, deflection_of(simulated.plant, stiffness))
     return simulated.places[key]
+
+
+def acceleration(simulated: Simulated, body: str) -> FloatArray:
+    """Return the acceleration of a body, in rad/s^2 or m/s^2, shape (n,): that of the record where it shows.
+
+    What the model lacks has moved the record, and not the simulation; noise as in `_deflection`.
+    """
+    key = "acceleration", body
+    if key not in simulated.places:
+        simulated.places[key] = _acceleration(simulated, body, simulated.measured)
+    return simulated.places[key]
+
+
+def _acceleration(simulated: Simulated, body: str, record: Record | None) -> FloatArray:
+    own = simulated.motion[f"a_{body}"]
+    shown = None if record is None else simulated.away(body, record) or simulated.further(body, record)
+    if record is None or shown is None:
+        return own
+    further = zero_phase(shown.motion, LED_ORDER, simulated.led_hz, record.fs)
+    for _ in range(2 - shown.order):
+        further = differentiate(further, record.dt)
+    power = 1 + 2 * (2 - shown.order)
+    noise = shown.noise * (2.0 * np.pi) ** (power - 1) * simulated.led_hz**power / power
+    clear = noise < max(UNCLEAR * float(np.var(own)), FAR_OFF * float(np.var(further)))
+    return np.asarray(own + further if clear else own)
 
 
 def _deflection(

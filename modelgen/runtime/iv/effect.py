@@ -129,6 +129,15 @@ class Effect:
             return record
         return record.edited({self.channel: self.edit(self.channel, size, record)})
 
+    def varied(self, names: Sequence[str], values: FloatArray, size: float) -> FloatArray:
+        """Return by how much parameters of some values vary that are no one number, SI, shape (c,).
+
+        A record that has another load may have lost its weight, and move no estimate.
+        """
+        rms = dict(self.varies)
+        by = abs(size) * np.array([rms.get(name, 0.0) for name in names])
+        return np.asarray(by * np.abs(values) if self.relative else by)
+
     def possible(self, size: float) -> bool:
         """Tell whether physics allows the sign."""
         return bool(self.words if size > 0.0 else self.negative)
@@ -183,8 +192,12 @@ class Effect:
             return f"{words}, by {np.degrees(shown):.2g} deg"
         if self.kind == RIPPLE:
             return f"{words} (amplitude {shown:.3g})"
-        if self.kind in (CREEP, "drift"):
-            return f"{words} (by {100.0 * shown:.2g} %)" if self.relative else f"{words} (by {shown:.3g})"
+        if self.kind == CREEP:
+            return f"{words} (by {shown:.3g})"
+        if self.kind == "drift":
+            by = f"{100.0 * shown:.2g} %" if self.relative else f"{shown:.3g}"
+            what, *meaning = words.split(": ", 1)
+            return ": ".join([f"{what} (by {by})", *meaning])
         return words
 
 

@@ -110,11 +110,11 @@ def scores(
         size = float(told.along[place]) / power
         explained = size**2 * power / every
         move = -told.share[:, place] * size
-        if slope is not None:
-            move = slope @ move
-        large = explained > LEAST_EXPLAINED or bool(np.any(np.abs(move) > LEAST_MOVE * spread))
+        move = move if slope is None else slope @ move
+        most = np.maximum(np.abs(move), effects[place].varied(fit.columns, fit.solution.x, size))
+        large = explained > LEAST_EXPLAINED or bool(np.any(most > LEAST_MOVE * spread))
         # sampling and filters are not exact beyond that
-        large = large and bool(np.any(np.abs(move) > LEAST_MOVED_SHARE * np.abs(fit.solution.x)))
+        large = large and bool(np.any(most > LEAST_MOVED_SHARE * np.abs(fit.solution.x)))
         std = rarely = least = np.nan
         if large and abs(size) * float(np.sqrt(whole)) < largest:
             own = span.apart(stacked(fit, grown[place]))

@@ -3,41 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.iv.chain_errors import deflection, on_body
+from modelgen.runtime.iv.chain_errors import acceleration, deflection, on_body
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect
-from modelgen.runtime.iv.pushed_chain import deflection_of, pushed_link
+from modelgen.runtime.iv.pushed_chain import deflection_of, pushed_body, pushed_link
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
 Form = Callable[[FloatArray], FloatArray]
+# (record's index, samples) -> what share of a change there is, shape (samples,).
+Share = Callable[[int, int], FloatArray]
 # What is said of what changes in the course of the records, and along positions.
 MEAN = "as where a machine warms up: its value is that of the middle, and the interval holds what it was"
+LOADED = "its value is that of the middle, and the interval holds what it was"
 MIDDLE = "its value is that of the middle of the positions, and the interval holds what it is elsewhere"
 # The rms of what changes evenly from end to end by one.
 EVENLY = 12.0**-0.5
 WARM_DRIVE, WARM_MACHINE = (
     f"let the {what} warm up first, or identify from each record alone" for what in ("drive", "machine")
 )
+LOADS = "identify from the records of each load alone"
+SETTINGS = "identify from the records of each setting alone"
 SHORTER = "identify from shorter travels, each about the position that matters"
 
 
 def varying_effects(model: Model, records: Sequence[Record]) -> Iterator[Effect]:
-    """Yield that friction changes in the course of records, along a position or with a load, and springs."""
+    """Yield that friction changes in the course of records, along a position or with a load, and springs.
+
+    Also that one record has another load, or a link that was set anew.
+    """
     springs = {name: role for name, role in model.roles.items() if role.role == "stiffness"}
     position = _position(model, records)
     for name, body, form, names in _frictions(model):
         yield from (_drift(name, body, form, course, names) for course in courses(records))
         if position and form is np.sign:
             yield _along(name, body, form, *position, names)
+    for name, role in model.roles.items():
+        if role.role == "inertia" and len(role.bodies) == 1:
+            yield from _set_anew(name, partial(_heavier, role.bodies[0]), LOADS, records)
     for name, role in springs.items():
         for body in dict.fromkeys(friction.body for friction in model.friction):
             if body in role.bodies:
                 yield _with_load(name, body)
+        yield from _set_anew(name, partial(_stiffened, name), SETTINGS, records)
         if position:
             yield _stiffer(name, " and ".join(role.bodies), *position)
 
@@ -116,6 +129,49 @@ def _drift(
     falls, rises = (f"{name} {way} in the course of the records, {MEAN}" for way in ("falls", "rises"))
     changes, varies = on_body(body, force), varying_along(course, names)
     return Effect(f"drift of {name}", "drift", falls, rises, WARM_MACHINE, changes, varies=varies)
+
+
+def _set_anew(
+    name: str, larger: Callable[[Share, Simulated], Changes], remedy: str, records: Sequence[Record]
+) -> Iterator[Effect]:
+    """Yield that a parameter changes in the course of the records, or is another one in one of them.
+
+    The size is the change from the beginning to the end, or that of the one record, in the parameter's unit.
+    `larger` says what it changes where the parameter is larger by a share of the size.
+    """
+    count = len(records)
+    for course in courses(records)[:2]:  # from record to record, each one may have a value of its own
+        rises, falls = (f"{name} {way} in the course of the records: {LOADED}" for way in ("rises", "falls"))
+        changes = partial(larger, partial(along, course))
+        yield Effect(f"drift of {name}", "drift", rises, falls, remedy, changes,
+                     varies=varying_along(course, [name]))  # fmt: skip
+    for one in range(count if count > 1 else 0):
+        # a deviation of the whole change: of a large one a first order tells little more than half
+        others = "the others" if count > 2 else "the other one"
+        more, less = (
+            f"{name} is {way} in record {one + 1} than in {others}: its value is that of {others}, and the"
+            " interval holds both"
+            for way in ("larger", "smaller")
+        )
+        yield Effect(f"{name} of record {one + 1}", "drift", more, less, remedy,
+                     partial(larger, partial(_only_in, one)), varies=((name, 1.0),))  # fmt: skip
+
+
+def _only_in(one: int, index: int, samples: int) -> FloatArray:
+    """Return 1 for one of the records and 0 for the others, shape (samples,)."""
+    return np.full(samples, float(index == one))
+
+
+def _heavier(body: str, share: Share, simulated: Simulated) -> Changes:
+    """Return what is changed by a unit more inertia of a body."""
+    moved = acceleration(simulated, body)
+    return pushed_body(simulated, body, -share(simulated.index, len(moved)) * moved)
+
+
+def _stiffened(stiffness: str, share: Share, simulated: Simulated) -> Changes:
+    """Return what is changed by a unit more stiffness of a link."""
+    bent = deflection(simulated, stiffness)
+    return pushed_link(simulated, stiffness, share(simulated.index, len(bent)) * bent)
 
 
 def _position(model: Model, records: Sequence[Record]) -> tuple[str, float, float] | None:

@@ -66,6 +66,21 @@ def test_courses_go_on_or_begin_anew_or_step_from_record_to_record() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("kinds", [("chirp", "trapezoid"), ("chirp", "chirp", "trapezoid")])
+def test_a_record_with_another_load_is_named_though_its_rows_lose_weight(kinds: tuple[str, ...]) -> None:
+    loads = [KNOWN["J_c"]] * (len(kinds) - 1) + [1.3 * KNOWN["J_c"]]
+    records = []
+    for place, (kind, load) in enumerate(zip(kinds, loads, strict=True)):
+        clean = simulate(SHORT, {**KNOWN, "J_c": load}, kind, fs=FS, duration_s=3.0, oversample=40)
+        records.append(noisy({key: clean.record.signals[key] for key in NOISE}, 5 + place, f"{kind} {place}"))
+    estimate = identify(SHORT, records)
+    assert f"J_c is larger in record {len(kinds)} than in the other" in said(estimate)
+    assert holds(estimate)
+    assert 0.1 * KNOWN["J_c"] < estimate.bse["J_c"] < 0.3 * KNOWN["J_c"]
+    assert estimate.bse["J_m"] < 2e-3 * KNOWN["J_m"]
+
+
+@pytest.mark.slow
 def test_friction_that_grows_with_the_load_is_named() -> None:
     records = with_more_friction(lambda s: 0.05 * np.abs(KNOWN["K"] * (s["q_m"] - s["q_c"])), 3)
     estimate = identify(SHORT, records)

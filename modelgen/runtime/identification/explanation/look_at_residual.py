@@ -12,7 +12,7 @@ from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.explanation.folded_forces import folded_forces
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.thresholds import MOST_TRIED, OVER_NOISE
+from modelgen.runtime.identification.thresholds import MOST_TRIED, OVER_NOISE, SUSPECTED
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import LOW_PASSES, Effect, unlike
 from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, rounded_rows, simulated_records
@@ -29,6 +29,7 @@ from modelgen.runtime.iv.thresholds import EXACTNESS, LEVEL, LITTLE_OWN, ROUNDED
 from modelgen.runtime.iv.told_effects import within_rounding
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.numerics.few_instants import USUAL
 from modelgen.runtime.numerics.tails import normal_beyond
 from modelgen.runtime.records.record import Record
 
@@ -218,8 +219,17 @@ def _one_a_name(found: Sequence[Score]) -> tuple[Score, ...]:
 
 
 def likely_of(found: Sequence[Score]) -> list[Score]:
-    """Return the effects that are likely, and are told from the columns: the intervals hold one unsaid."""
-    return [one for one in found if one.likely and one.own > LITTLE_OWN and one.effect.possible(one.size)]
+    """Return the effects that are likely, and are told from the columns: the intervals hold one unsaid.
+
+    What explains much is likely, certain or not: along a tangent that is far from the truth few effects are.
+    """
+    return [
+        one
+        for one in found
+        if (one.likely or (one.explained > SUSPECTED and abs(one.size) > USUAL * one.std))
+        and one.own > LITTLE_OWN
+        and one.effect.possible(one.size)
+    ]
 
 
 def believable(effect: Effect, size: float, late: Mapping[str, float], records: Sequence[Record]) -> bool:

@@ -104,7 +104,8 @@ class Search:
         """Return the search with the effect estimated that leaves least, or at its end."""
         shown = [one for one in seen.found if one.matters and one.effect.possible(one.size)]
         room = len(self.effects) < self.given + MOST_EFFECTS and len(self.before) < SEARCH_STEPS
-        tried = [one for one in self._in_shape(seen.shapes)] if room else []
+        suspected = [one.effect for one in likely_of(seen.found) if not one.matters][:MOST_TRIED]
+        tried = [*self._in_shape((*seen.shapes, *suspected))] if room else []
         if not tried and not shown:
             likely = likely_of(seen.found)
             return replace(self._holding(likely[0]), held=likely[0]) if likely else replace(self, ended=True)
@@ -130,13 +131,13 @@ class Search:
         ]
 
     def _in_shape(self, shapes: Sequence[Effect]) -> Iterator[tuple[Effect, tuple[Effect, ...], Freed]]:
-        """Yield the fits with a further mass, or a ripple, that is certain and leaves clearly less."""
+        """Yield the fits with a further mass, a ripple, or else, that is certain and leaves clearly less."""
         least = normal_beyond(0.5 * LEVEL)
         for effect in shapes:
             found = self._freed(effect)
             if found is None or left_less(self.now.fit, found[1].fit) <= AS_LIKELY:
                 continue
-            if found[1].sizes[-1] > least * found[1].stds[-1]:
+            if abs(found[1].sizes[-1]) > least * found[1].stds[-1]:
                 yield found[0][-1], *found
 
     def _holding(self, score: Score, *advice: Advice) -> Search:
