@@ -9,9 +9,8 @@ import numpy as np
 
 from modelgen.runtime.files.optional_reader import reader_library, unreadable
 from modelgen.runtime.files.size_limits import check_expansion
-from modelgen.runtime.files.source import Columns, Source, is_time_name
+from modelgen.runtime.files.source import Columns, Source, column_of_title, is_time_name
 from modelgen.runtime.files.timestamps import elapsed_s
-from modelgen.runtime.files.units import split_name
 
 
 def open_parquet(path: Path) -> Source:
@@ -31,10 +30,11 @@ def open_parquet(path: Path) -> Source:
     except Exception as error:  # the library's own exceptions derive from several built-in ones
         raise unreadable(path, "Parquet file", error) from error
     check_expansion(path, 8 * rows * len(schema))
-    fields, units = {}, {}
+    fields: dict[str, str] = {}
+    units: dict[str, str] = {}
     stamps = []
     for field in schema:
-        name, unit = split_name(field.name)
+        name, unit = column_of_title(str(path), field.name, fields)
         if str(field.type).startswith(("timestamp", "duration")):
             stamps.append(name)
             unit = "s"

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy.typing as npt
 
+from modelgen.errors import DataError
 from modelgen.runtime.files.matrix_columns import Notation, column_of_text, matrix_columns
 from modelgen.runtime.files.units import split_name, unit_from_text
 
@@ -110,6 +111,21 @@ class Source:
         if not sure and self.fs is None:
             sure = named
         return next(iter(self.clocks.values()), next(iter(sure), None))
+
+
+def column_of_title(where: str, title: str, taken: Collection[str]) -> tuple[str, str | None]:
+    """Return the column and the unit that a title of a table states, "theta [deg]".
+
+    Raises
+    ------
+    DataError
+        Where another title is of the same column: one of the two would be lost.
+    """
+    column, unit = split_name(title)
+    if column in taken:
+        remedy = "give every column its own name, apart from its unit"
+        raise DataError.at(where, f"two columns are named {column}", remedy)
+    return column, unit
 
 
 def is_time_name(name: str) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from modelgen.runtime.files.source import Columns, Source, is_time_name
+from modelgen.runtime.files.source import Columns, Source, column_of_title, is_time_name
 from modelgen.runtime.files.timestamps import elapsed_s
 from modelgen.runtime.files.units import split_name
 from modelgen.runtime.records.read_record import read
@@ -46,9 +46,9 @@ def record_from_frame(
     if index is not None and not any(is_time_name(split_name(str(title))[0]) for title in frame.columns):
         columns["time"] = index
         units["time"] = "s"
-    for title in frame.columns:
-        column, unit = split_name(str(title))
-        values = _values(frame[title])
+    for title, cells in frame.items():
+        column, unit = column_of_title(name, str(title), columns)
+        values = _values(cells)
         columns[column] = elapsed_s(values)
         if values.dtype.kind in "mM":
             units[column] = "s"

@@ -139,3 +139,16 @@ def test_stamps_of_a_table_of_pandas(tmp_path: Path, unit: str) -> None:
     ):
         assert record.fs == 1e6 / STEP_US
         assert list(record.signals) == ["q_m"]
+
+
+@pytest.mark.parametrize("titles", [("q [rad]", "q [deg]"), ("q", "q [deg]"), ("q", "q")])
+def test_two_columns_of_a_table_of_pandas_that_differ_by_their_unit_alone(
+    titles: tuple[str, str], tmp_path: Path
+) -> None:
+    frame = pandas.DataFrame(np.arange(6.0).reshape(3, 2), columns=list(titles))
+    if len(set(titles)) == 2:  # pandas writes no others
+        frame.to_parquet(tmp_path / "a.parquet")
+        with pytest.raises(DataError, match="two columns are named q; give every column its own name"):
+            read(tmp_path / "a.parquet", fs=1.0)
+    with pytest.raises(DataError, match="two columns are named q; give every column its own name"):
+        record_from_frame(frame, fs=1.0)
