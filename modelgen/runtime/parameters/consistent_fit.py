@@ -28,7 +28,7 @@ from modelgen.runtime.parameters.consistent_links import (
     ConsistentEstimate,
     nearest_bodies,
 )
-from modelgen.runtime.parameters.thresholds import AT_BOUND
+from modelgen.runtime.parameters.thresholds import AT_BOUND, WORTH_CENTRING
 
 
 def bodies_of(model: Model) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...]]:
@@ -68,11 +68,12 @@ def consistent_fit(fit: Fit, model: Model) -> tuple[Fit, BoundCost]:
 def among_bodies(fit: Fit, model: Model) -> tuple[Fit, ConsistentEstimate]:
     """Return a fit with the solution that bodies can have, of the same rows and columns.
 
-    Where the nearest bodies lie at a bound it is that of likely ones; costs are those of the nearest.
+    Where a bound moves the nearest bodies by a deviation or more it is that of likely ones; costs are those of
+    the nearest.
     """
     search = _Search(fit, model)
     found, inverse = search.nearest, fit.solution.inverse
-    if found.held:
+    if found.held and found.cost >= WORTH_CENTRING:
         centred = search.centred
         values = dict(zip(model.parameters, centred.parameters.tolist(), strict=True))
         base = search.factors @ centred.parameters + search.offset

@@ -105,6 +105,19 @@ def test_what_is_consistent_stays_and_costs_nothing() -> None:
     assert "they cost nothing" in found.summary()
 
 
+def test_bodies_that_bounds_hardly_move_are_not_drawn_further_inside() -> None:
+    """Their shapes are what the rows say: likely ones had 1.3 times the error of none where values are known."""
+    model, record, _ = made(False, 0.05)
+    plain = run_wls(prepared(model, record, WLS(), FILTERS, QUICK).job)[1]
+    within, found = among_bodies(plain, model)
+    assert found.held and 0.0 < found.cost < 1.0
+    c = len(plain.columns)
+    moved = plain.triangle[:c, :c] @ (within.solution.x - plain.solution.x)
+    sigma = plain.residual_norm / np.sqrt(plain.count - c)
+    assert np.linalg.norm(moved) / sigma == pytest.approx(np.sqrt(found.cost), rel=1e-3)
+    np.testing.assert_array_equal(within.solution.inverse, plain.solution.inverse)
+
+
 def test_known_parameters_of_links_count_in_their_bodies() -> None:
     model, record, _ = made(False, 0.5, m2=1.0)
     links, _ = bodies_of(model)
