@@ -68,8 +68,7 @@ def consistent_fit(fit: Fit, model: Model) -> tuple[Fit, BoundCost]:
 def among_bodies(fit: Fit, model: Model) -> tuple[Fit, ConsistentEstimate]:
     """Return a fit with the solution that bodies can have, of the same rows and columns.
 
-    Where a bound moves the nearest bodies by a deviation or more it is that of likely ones; costs are those of
-    the nearest.
+    Where bounds move it by a deviation or more it is that of likely ones; costs are those of the nearest.
     """
     search = _Search(fit, model)
     found, inverse = search.nearest, fit.solution.inverse

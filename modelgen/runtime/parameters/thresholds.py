@@ -85,7 +85,7 @@ HELD = 1e-2
 # Bodies are as likely as matrices made of seven random points, two more than make thin ones unlikely: each
 # further point is worth half the logarithm of the determinant.
 CENTRED = 1.0
-# Where bounds raise chi-square by less than this the rows know shapes better than what bodies are likely to be.
+# Where bounds raise chi-square by less than this the rows know shapes better than what is likely.
 WORTH_CENTRING = 1.0
 # They are looked for from inside, links enlarged by this share, by so many steps at most, until one promises
 # to gain less than this in log-likelihood; steps halved to less than the last number lead nowhere.

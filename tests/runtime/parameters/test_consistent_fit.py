@@ -106,7 +106,7 @@ def test_what_is_consistent_stays_and_costs_nothing() -> None:
 
 
 def test_bodies_that_bounds_hardly_move_are_not_drawn_further_inside() -> None:
-    """Their shapes are what the rows say: likely ones had 1.3 times the error of none where values are known."""
+    """Their shapes are what the rows say: likely ones had 1.3 times the error of no bounds."""
     model, record, _ = made(False, 0.05)
     plain = run_wls(prepared(model, record, WLS(), FILTERS, QUICK).job)[1]
     within, found = among_bodies(plain, model)
