@@ -117,10 +117,8 @@ def test_bodies_that_bounds_hardly_move_are_not_drawn_further_inside() -> None:
     plain = run_wls(prepared(model, record, WLS(), FILTERS, QUICK).job)[1]
     within, found = among_bodies(plain, model)
     assert found.held and 0.0 < found.cost < 1.0
-    c = len(plain.columns)
-    moved = plain.triangle[:c, :c] @ (within.solution.x - plain.solution.x)
-    sigma = plain.residual_norm / np.sqrt(plain.count - c)
-    assert np.linalg.norm(moved) / sigma == pytest.approx(np.sqrt(found.cost), rel=1e-3)
+    moved = RowMetric(plain).whitening @ (within.solution.x - plain.solution.x)
+    assert np.linalg.norm(moved) == pytest.approx(np.sqrt(found.cost), rel=1e-3)
     np.testing.assert_array_equal(within.solution.inverse, plain.solution.inverse)
 
 
