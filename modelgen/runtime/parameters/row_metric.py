@@ -42,7 +42,7 @@ class RowMetric:
         rows = R @ hac_covariance(fit) @ R.T
         rounding = AT_BOUND * float(np.linalg.norm(R))  # what it leaves of the rows
         variances = np.diag(np.maximum(np.diag(rows), 0.0) * share + rounding**2)
-        return np.linalg.cholesky(0.5 * (1.0 - share) * (rows + rows.T) + variances)
+        return np.asarray(np.linalg.cholesky(0.5 * (1.0 - share) * (rows + rows.T) + variances))
 
     @cached_property
     def whitening(self) -> FloatArray:
