@@ -174,8 +174,7 @@ def _acceleration(simulated: Simulated, body: str, record: Record | None) -> Flo
     further = zero_phase(shown.motion, LED_ORDER, simulated.led_hz, record.fs)
     for _ in range(2 - shown.order):
         further = differentiate(further, record.dt)
-    power = 1 + 2 * (2 - shown.order)
-    noise = shown.noise * (2.0 * np.pi) ** (power - 1) * simulated.led_hz**power / power
+    noise = _noise_as(shown, 2, 0.0, simulated.led_hz)
     clear = noise < max(UNCLEAR * float(np.var(own)), FAR_OFF * float(np.var(further)))
     return np.asarray(own + further if clear else own)
 
@@ -205,7 +204,7 @@ def _deflection(
     apart = _without_drift(known, fs)
     drifts = any(one.order for _, one in known)
     for low_hz in (simulated.slow_hz * share for share in (INTEGRATED_FROM if drifts else (0.0,))):
-        noise = sum(share**2 * _position_noise(one, low_hz, led_hz) for share, one in known)
+        noise = sum(share**2 * _noise_as(one, 0, low_hz, led_hz) for share, one in known)
         further = zero_phase(_above(apart, low_hz, fs), LED_ORDER, led_hz, fs)
         if noise < max(UNCLEAR * float(np.var(d)), FAR_OFF * float(np.var(further))):
             return _given(d + further, less, low_hz, fs) if drifts and less else np.asarray(d + further)
@@ -247,8 +246,8 @@ def _without_drift(known: Sequence[tuple[float, Further]], fs: float) -> FloatAr
     return np.asarray(total - drift @ np.linalg.lstsq(drift, total, rcond=None)[0])
 
 
-def _position_noise(away: Further, low_hz: float, high_hz: float) -> float:
-    """Return the power of a reading's noise as a position, between two frequencies in Hz."""
-    power = 1 - 2 * away.order
-    slope = (2.0 * np.pi) ** (2 * away.order) * power
-    return float(away.noise * (high_hz**power - (low_hz**power if low_hz else 0.0)) / slope)
+def _noise_as(away: Further, order: int, low_hz: float, high_hz: float) -> float:
+    """Return the noise power of a reading as a derivative of the position, between frequencies in Hz."""
+    power = 1 + 2 * (order - away.order)
+    slope = (2.0 * np.pi) ** (power - 1) / power
+    return float(away.noise * slope * (high_hz**power - (low_hz**power if low_hz else 0.0)))
