@@ -1,10 +1,9 @@
 """Physical sense of an arm's fit: its links are bodies, friction, rotor inertias and springs not below zero.
 
-The nearest columns that bodies can have are looked for (`nearest_bodies`), in deviations that the rows give
-(`row_metric`), which says what that costs. Where it moves links the estimate lies further inside, where
-bodies are likely (`centred_bodies`).
+The rows are fitted once more under that condition, by their triangle (`nearest_bodies`), which says what it
+costs. Where that moves links the estimate lies further inside, where bodies are likely (`centred_bodies`).
 
-What bodies can have is a convex set that holds the truth: in that metric the nearest fit within it
+What bodies can have is a convex set that holds the truth: in the metric of the rows the nearest fit within it
 is never farther from the truth than the one without, whose covariance is large enough for both. That of rows
 and likely bodies together is too small where bodies are not what was taken for likely. The mean of the two
 stands for the inverse of the fit, which its intervals follow from.
@@ -29,8 +28,7 @@ from modelgen.runtime.parameters.consistent_links import (
     ConsistentEstimate,
     nearest_bodies,
 )
-from modelgen.runtime.parameters.row_metric import RowMetric
-from modelgen.runtime.parameters.thresholds import WORTH_CENTRING
+from modelgen.runtime.parameters.thresholds import AT_BOUND, WORTH_CENTRING
 
 
 def bodies_of(model: Model) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...]]:
@@ -80,14 +78,14 @@ def among_bodies(fit: Fit, model: Model) -> tuple[Fit, ConsistentEstimate]:
         base = search.factors @ centred.parameters + search.offset
         found = replace(found, base=base, parameters=values)
         spread = search.factors @ np.linalg.solve(centred.curvature, search.factors.T)
-        inverse = search.metric.inverse_within(spread)
+        inverse = 0.5 * (inverse + spread / search.sigma**2)
     solution = replace(fit.solution, x=found.base, inverse=inverse)
     return replace(fit, solution=solution, residuals=residuals_of(fit.blocks, found.base)), found
 
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """Bodies for the rows of a fit."""
+    """Bodies for the rows of a fit, in standard deviations that its residual gives these."""
 
     fit: Fit
     model: Model
@@ -108,9 +106,11 @@ class _Search:
         return self.model.base_jacobian({})[self._columns]
 
     @cached_property
-    def metric(self) -> RowMetric:
-        """How far columns lie from the fit."""
-        return RowMetric(self.fit)
+    def sigma(self) -> float:
+        """The standard deviation of weighted rows."""
+        fit, c = self.fit, len(self.fit.columns)
+        rounding = AT_BOUND * float(np.linalg.norm(fit.triangle[:c, c]))
+        return max(fit.residual_norm / float(np.sqrt(max(fit.count - c, 1))), rounding)
 
     @cached_property
     def _bodies(self) -> Bodies:
@@ -119,7 +119,9 @@ class _Search:
 
     @property
     def _estimate(self) -> tuple[FloatArray, FloatArray, FloatArray, Bodies]:
-        return self.fit.solution.x - self.offset, self.metric.whitening, self.factors, self._bodies
+        c = len(self.fit.columns)
+        whitening = self.fit.triangle[:c, :c] / self.sigma
+        return self.fit.solution.x - self.offset, whitening, self.factors, self._bodies
 
     @cached_property
     def nearest(self) -> ConsistentEstimate:

@@ -16,7 +16,6 @@ from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.parameters.bounds import BoundCost, bound_advice, bound_sentence
 from modelgen.runtime.parameters.consistent_fit import among_bodies, bodies_of
 from modelgen.runtime.parameters.consistent_links import LINK
-from modelgen.runtime.parameters.row_metric import RowMetric
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import arm_base_model
 from tests.symbolic.arms.elastic_arms import SPATIAL, exact_record, readings, spatial
@@ -67,11 +66,9 @@ def bounded(model: Model, record: Record) -> Estimate:
     return identify(model, record, WLS(bounds="physical"), FILTERS, QUICK)
 
 
-# rows of links behind springs hold noise of encoders in products: at half a milliradian it biases columns by
-# many deviations, and bodies near them leave more than noise, which widens what they narrow
-@pytest.mark.parametrize(("elastic", "noise"), [(False, 0.5), (True, 0.2)])
-def test_links_of_noisy_records_become_bodies_and_the_price_is_told(elastic: bool, noise: float) -> None:
-    model, record, _ = made(elastic, noise)
+@pytest.mark.parametrize("elastic", [False, True])
+def test_links_of_noisy_records_become_bodies_and_the_price_is_told(elastic: bool) -> None:
+    model, record, _ = made(elastic, 0.5)
     plain = identify(model, record, WLS(), FILTERS, QUICK)
     found = bounded(model, record)
     cost = found.checks.bounds
@@ -81,24 +78,21 @@ def test_links_of_noisy_records_become_bodies_and_the_price_is_told(elastic: boo
     assert all(found.params[name] >= 0.0 for name in bodies_of(model)[1] if name in found.params)
     # the bound tells something, and the intervals know of it
     widths = np.array([found.bse[name] / plain.bse[name] for name in plain.params if name in found.params])
-    assert np.exp(np.mean(np.log(widths))) < 0.97 and widths.min() < 0.85
+    assert np.exp(np.mean(np.log(widths))) < 0.97 and widths.min() < 0.8
     assert "moved onto what a body can have: link" in " ".join(found.summary().split())
 
 
 def test_in_the_metric_of_the_rows_bodies_are_nearer_to_the_truth() -> None:
-    norms = []
     for seed in range(2, 6):
         model, record, values = made(False, 0.5, seed)
         plain = run_wls(prepared(model, record, WLS(), FILTERS, QUICK).job)[1]
         within, found = among_bodies(plain, model)
         places = [model.base_parameters.index(name) for name in plain.columns]
         truth = model.base_from_physical(values)[places]
-        metric = RowMetric(plain).whitening
-        norms.append([np.linalg.norm(metric @ (one.solution.x - truth)) for one in (plain, within)])
-        assert norms[-1][1] < norms[-1][0] and found.cost > 1.0
+        metric = plain.triangle[: len(truth), : len(truth)]
+        before, after = (np.linalg.norm(metric @ (one.solution.x - truth)) for one in (plain, within))
+        assert after < 0.95 * before and found.cost > 1.0
         np.testing.assert_allclose(model.base_from_physical(found.parameters)[places], within.solution.x)
-    before, after = np.linalg.norm(norms, axis=0)
-    assert after < 0.95 * before
 
 
 def test_what_is_consistent_stays_and_costs_nothing() -> None:
@@ -117,8 +111,10 @@ def test_bodies_that_bounds_hardly_move_are_not_drawn_further_inside() -> None:
     plain = run_wls(prepared(model, record, WLS(), FILTERS, QUICK).job)[1]
     within, found = among_bodies(plain, model)
     assert found.held and 0.0 < found.cost < 1.0
-    moved = RowMetric(plain).whitening @ (within.solution.x - plain.solution.x)
-    assert np.linalg.norm(moved) == pytest.approx(np.sqrt(found.cost), rel=1e-3)
+    c = len(plain.columns)
+    moved = plain.triangle[:c, :c] @ (within.solution.x - plain.solution.x)
+    sigma = plain.residual_norm / np.sqrt(plain.count - c)
+    assert np.linalg.norm(moved) / sigma == pytest.approx(np.sqrt(found.cost), rel=1e-3)
     np.testing.assert_array_equal(within.solution.inverse, plain.solution.inverse)
 
 
