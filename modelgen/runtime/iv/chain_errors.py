@@ -155,6 +155,11 @@ def deflection(simulated: Simulated, stiffness: str) -> FloatArray:
     return simulated.places[key]
 
 
+def simulated_deflection(simulated: Simulated, stiffness: str) -> FloatArray:
+    """Return the deflection of a link in the simulation, in rad or m, shape (n,)."""
+    return _sum_of(simulated, _ends(simulated, deflection_of(simulated.plant, stiffness)))
+
+
 def acceleration(simulated: Simulated, body: str) -> FloatArray:
     """Return the acceleration of a body, in rad/s^2 or m/s^2, shape (n,): that of the record where it shows.
 
@@ -189,12 +194,8 @@ def _deflection(
     which is left out. Speeds and accelerations are integrated from the lowest frequency on at which their
     noise lets them; below, a link gives by as much `less` as it bends by its form alone.
     """
-    ends = [
-        (share, body)
-        for share, body in zip(lever.tolist(), simulated.plant.bodies, strict=True)
-        if abs(share) > ROUNDED * np.max(np.abs(lever))
-    ]
-    d = np.asarray(sum(share * simulated.motion[f"q_{body}"] for share, body in ends))
+    ends = _ends(simulated, lever)
+    d = _sum_of(simulated, ends)
     away = [(share, simulated.led[body].away) for share, body in ends]
     known = [(share, one) for share, one in away if one is not None]
     if len(known) < len(away):
@@ -209,6 +210,16 @@ def _deflection(
         if noise < max(UNCLEAR * float(np.var(d)), FAR_OFF * float(np.var(further))):
             return _given(d + further, less, low_hz, fs) if drifts and less else np.asarray(d + further)
     return d
+
+
+def _ends(simulated: Simulated, lever: FloatArray) -> list[tuple[float, str]]:
+    """Return the bodies that a deflection is a sum of, each with its share."""
+    pairs = zip(lever.tolist(), simulated.plant.bodies, strict=True)
+    return [(share, body) for share, body in pairs if abs(share) > ROUNDED * np.max(np.abs(lever))]
+
+
+def _sum_of(simulated: Simulated, ends: Sequence[tuple[float, str]]) -> FloatArray:
+    return np.asarray(sum(share * simulated.motion[f"q_{body}"] for share, body in ends))
 
 
 def _given(d: FloatArray, less: Callable[[FloatArray], FloatArray], low_hz: float, fs: float) -> FloatArray:

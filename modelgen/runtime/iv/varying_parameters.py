@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.iv.chain_errors import acceleration, deflection, on_body
+from modelgen.runtime.iv.chain_errors import acceleration, deflection, on_body, simulated_deflection
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.pushed_chain import deflection_of, pushed_body, pushed_link
@@ -132,19 +132,21 @@ def _drift(
 
 
 def _set_anew(
-    name: str, larger: Callable[[Share, Simulated], Changes], remedy: str, records: Sequence[Record]
+    name: str, larger: Callable[..., Changes], remedy: str, records: Sequence[Record]
 ) -> Iterator[Effect]:
     """Yield that a parameter changes in the course of the records, or is another one in one of them.
 
     The size is the change from the beginning to the end, or that of the one record, in the parameter's unit.
-    `larger` says what it changes where the parameter is larger by a share of the size.
+    `larger` says what it changes where the parameter is larger by a share of the size. It is looked for along
+    the simulated motion: noise of a sensor is in the rows, too, and would look like another parameter there.
+    It is estimated along the motion of the record, with the simulated one as instrument.
     """
     count = len(records)
     for course in courses(records)[:2]:  # from record to record, each one may have a value of its own
         rises, falls = (f"{name} {way} in the course of the records: {LOADED}" for way in ("rises", "falls"))
-        changes = partial(larger, partial(along, course))
-        yield Effect(f"drift of {name}", "drift", rises, falls, remedy, changes,
-                     varies=varying_along(course, [name]))  # fmt: skip
+        varies, changes = varying_along(course, [name]), partial(larger, partial(along, course))
+        yield Effect(f"drift of {name}", "drift", rises, falls, remedy, changes, at=changes, quiet=changes,
+                     varies=varies)  # fmt: skip
     for one in range(count if count > 1 else 0):
         # a deviation of the whole change: of a large one a first order tells little more than half
         others = "the others" if count > 2 else "the other one"
@@ -153,8 +155,9 @@ def _set_anew(
             " interval holds both"
             for way in ("larger", "smaller")
         )
-        yield Effect(f"{name} of record {one + 1}", "drift", more, less, remedy,
-                     partial(larger, partial(_only_in, one)), varies=((name, 1.0),))  # fmt: skip
+        changes = partial(larger, partial(_only_in, one))
+        yield Effect(f"{name} of record {one + 1}", "drift", more, less, remedy, changes, at=changes,
+                     quiet=changes, varies=((name, 1.0),))  # fmt: skip
 
 
 def _only_in(one: int, index: int, samples: int) -> FloatArray:
@@ -162,15 +165,15 @@ def _only_in(one: int, index: int, samples: int) -> FloatArray:
     return np.full(samples, float(index == one))
 
 
-def _heavier(body: str, share: Share, simulated: Simulated) -> Changes:
+def _heavier(body: str, share: Share, simulated: Simulated, size: float = 0.0) -> Changes:
     """Return what is changed by a unit more inertia of a body."""
-    moved = acceleration(simulated, body)
+    moved = acceleration(simulated, body) if size else simulated.motion[f"a_{body}"]
     return pushed_body(simulated, body, -share(simulated.index, len(moved)) * moved)
 
 
-def _stiffened(stiffness: str, share: Share, simulated: Simulated) -> Changes:
+def _stiffened(stiffness: str, share: Share, simulated: Simulated, size: float = 0.0) -> Changes:
     """Return what is changed by a unit more stiffness of a link."""
-    bent = deflection(simulated, stiffness)
+    bent = deflection(simulated, stiffness) if size else simulated_deflection(simulated, stiffness)
     return pushed_link(simulated, stiffness, share(simulated.index, len(bent)) * bent)
 
 
