@@ -20,7 +20,6 @@ Form = Callable[[FloatArray], FloatArray]
 Share = Callable[[int, int], FloatArray]
 # What is said of what changes in the course of the records, and along positions.
 MEAN = "as where a machine warms up: its value is that of the middle, and the interval holds what it was"
-LOADED = "its value is that of the middle, and the interval holds what it was"
 MIDDLE = "its value is that of the middle of the positions, and the interval holds what it is elsewhere"
 # The rms of what changes evenly from end to end by one.
 EVENLY = 12.0**-0.5
@@ -134,19 +133,14 @@ def _drift(
 def _set_anew(
     name: str, larger: Callable[..., Changes], remedy: str, records: Sequence[Record]
 ) -> Iterator[Effect]:
-    """Yield that a parameter changes in the course of the records, or is another one in one of them.
+    """Yield that a parameter is another one in one of several records.
 
-    The size is the change from the beginning to the end, or that of the one record, in the parameter's unit.
-    `larger` says what it changes where the parameter is larger by a share of the size. It is looked for along
-    the simulated motion: noise of a sensor is in the rows, too, and would look like another parameter there.
-    It is estimated along the motion of the record, with the simulated one as instrument.
+    The size is the difference, in the parameter's unit. `larger` says what is changed where the parameter is
+    larger by a share of the size. It is looked for along the simulated motion: noise of a sensor is in the
+    rows, too, and would look like another parameter there. It is estimated along the motion of the record,
+    with the simulated one as instrument. Changes within records are for `diagnostics.changing_inertia`.
     """
     count = len(records)
-    for course in courses(records)[:2]:  # from record to record, each one may have a value of its own
-        rises, falls = (f"{name} {way} in the course of the records: {LOADED}" for way in ("rises", "falls"))
-        varies, changes = varying_along(course, [name]), partial(larger, partial(along, course))
-        yield Effect(f"drift of {name}", "drift", rises, falls, remedy, changes, at=changes, quiet=changes,
-                     varies=varies)  # fmt: skip
     for one in range(count if count > 1 else 0):
         # a deviation of the whole change: of a large one a first order tells little more than half
         others = "the others" if count > 2 else "the other one"

@@ -221,12 +221,14 @@ def _one_a_name(found: Sequence[Score]) -> tuple[Score, ...]:
 def likely_of(found: Sequence[Score]) -> list[Score]:
     """Return the effects that are likely, and are told from the columns: the intervals hold one unsaid.
 
-    What explains much is likely, certain or not: along a tangent that is far from the truth few effects are.
+    A parameter that varies is likely where that explains much, certain or not: along a tangent that is far
+    from the truth a large change is none.
     """
+    large = [bool(one.effect.varies) and one.explained > SUSPECTED for one in found]
     return [
         one
-        for one in found
-        if (one.likely or (one.explained > SUSPECTED and abs(one.size) > USUAL * one.std))
+        for one, much in zip(found, large, strict=True)
+        if (one.likely or (much and abs(one.size) > USUAL * one.std))
         and one.own > LITTLE_OWN
         and one.effect.possible(one.size)
     ]

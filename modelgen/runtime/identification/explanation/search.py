@@ -104,8 +104,8 @@ class Search:
         """Return the search with the effect estimated that leaves least, or at its end."""
         shown = [one for one in seen.found if one.matters and one.effect.possible(one.size)]
         room = len(self.effects) < self.given + MOST_EFFECTS and len(self.before) < SEARCH_STEPS
-        suspected = [one.effect for one in likely_of(seen.found) if not one.matters][:MOST_TRIED]
-        tried = [*self._in_shape((*seen.shapes, *suspected))] if room else []
+        varying = [one.effect for one in likely_of(seen.found) if one.effect.varies and not one.matters]
+        tried = [*self._in_shape((*seen.shapes, *varying[:MOST_TRIED]))] if room else []
         if not tried and not shown:
             likely = likely_of(seen.found)
             return replace(self._holding(likely[0]), held=likely[0]) if likely else replace(self, ended=True)
