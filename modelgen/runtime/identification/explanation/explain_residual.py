@@ -126,15 +126,13 @@ def _to_estimate(job: Job, seen: Seen, shown: Sequence[Score]) -> tuple[Shown, .
     """Return what a fit in physical parameters may estimate of what its residual shows.
 
     Of that a column may have little of its own, as everything is solved again. What one of several sensors
-    reads amiss is like no command that is held, and neither is a force, or a parameter that changes; what has
-    one form of many is none.
+    reads amiss is like no command that is held, and neither is a force; what has one form of many is none.
     """
     sensors = [one.key for one in job.model.sensors if one.key in job.model.channels]
     forces = [one for one in shown if one.effect.kind in FORCES]
     edited = [one for one in seen.found if one.matters and one.effect.edit and one.effect.possible(one.size)]
     read = [one for one in edited if one.effect.channel in sensors and len(sensors) > 1]
-    varying = [one for one in (*shown, *likely_of(seen.found)) if one.effect.varies]
-    first = (*forces[:1], *read[:1], *varying[:1])
+    first = (*forces[:1], *read[:1])
     others = [one for one in edited if one not in first and one.effect.kind not in TIMING]
     return (
         *(Shown(effect, 0.0) for effect in seen.shapes[:1]),

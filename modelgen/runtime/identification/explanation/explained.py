@@ -117,7 +117,6 @@ def with_carried_effects(
 
     `others` are what explains as much as one of them, by its name.
     """
-    from modelgen.runtime.identification.explanation.look_at_residual import varied
     from modelgen.runtime.iv.told_effects import estimated
 
     carried = found.fit.carried
@@ -130,13 +129,7 @@ def with_carried_effects(
         for effect, size, (_, std) in zip(job.effects, sizes, carried.sizes, strict=True)
         if effect.words and abs(size) > ZERO_APART * std
     )
-    further = sum(
-        (varied(job, found.fit, *one) for one in zip(job.effects, sizes, strict=True)),
-        np.zeros_like(found.drift),
-    )
-    drift, unsolved = found.drift + further, found.unsolved + further
-    advice = (*told, *found.advice)
-    return replace(found, effects=job.effects, sizes=sizes, advice=advice, drift=drift, unsolved=unsolved)
+    return replace(found, effects=job.effects, sizes=sizes, advice=(*told, *found.advice))
 
 
 def with_note(one: Begun, note: str, drift: FloatArray | None = None) -> Begun:

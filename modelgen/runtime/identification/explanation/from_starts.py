@@ -38,10 +38,9 @@ from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import SHOWN_EFFECTS
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import Freed, corrected, fit_with_effects
-from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS, LEVEL
+from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS
 from modelgen.runtime.iv.told_effects import estimated
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.numerics.tails import normal_beyond
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.given_directions import bodies_with_signs, direction_channel, signs_of_rows
@@ -160,18 +159,16 @@ def with_shown_effects(begun: Begun, holds_known: bool = False) -> Begun:
     ties: dict[str, Sequence[tuple[Effect, float]]] = {}
     first, apart = begun, np.zeros((len(begun.found.fit.columns),) * 2)
     for _ in range(SHOWN_EFFECTS):
+        if not holds_known and not exceeding(begun):
+            break
         found = with_carried_effects(begun.task.job, begun.found)
         known = {effect.name for effect in found.effects}
         shown = [one for one in found.shown if holds_known or not one.like_a_hold]
-        if not holds_known and not exceeding(begun):
-            # all that noise may be, but a parameter that is no one number is a question of its own
-            shown = [one for one in shown if one.effect.varies]
         tried = [(one, _with(begun, found, one)) for one in shown if one.effect.name not in known]
-        likelier = [(gained(begun, again), one, again) for one, again in tried if again is not None]
-        better = [one for one in likelier if one[0] >= AS_GOOD or (one[0] > 0.0 and _varies(*one[1:]))]
-        if not better:
-            break
+        better = [(gained(begun, again), one, again) for one, again in tried if again is not None]
         better.sort(key=lambda entry: -entry[0])
+        if not better or better[0][0] < AS_GOOD:
+            break
         most, one, best = better[0]
         equal = [entry for entry in better[1:] if most - entry[0] < AS_GOOD]
         ties[one.effect.name] = [(other.effect, other.size) for _, other, _ in equal]
@@ -182,16 +179,6 @@ def with_shown_effects(begun: Begun, holds_known: bool = False) -> Begun:
         return first
     found = with_carried_effects(begun.task.job, begun.found, ties)
     return begun_with(begun.task, replace(found, drift=found.drift + apart, unsolved=found.unsolved + apart))
-
-
-def _varies(shown: Shown, again: Begun) -> bool:
-    """Tell whether a parameter certainly changes: a record that lost its weight by that counts little."""
-    if not shown.effect.varies or again.found.fit.carried is None:
-        return False
-    place = [effect.name for effect in again.task.job.effects].index(shown.effect.name)
-    size, std = again.found.fit.carried.sizes[place]
-    every = len(again.task.model.parameters) * len(again.task.records)
-    return abs(size) > normal_beyond(0.5 * LEVEL / every) * std
 
 
 def _with(begun: Begun, found: Explained, shown: Shown) -> Begun | None:
