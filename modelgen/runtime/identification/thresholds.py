@@ -136,8 +136,8 @@ SAMPLES_TRIED, STRETCHES_TRIED = 1 << 17, 1 << 10
 
 # So many effects at a time are estimated in turn, if they explain this share of what the first one does.
 MOST_TRIED, TRIED_TOO = 3, 0.3
-# Those that are not certain along a tangent are likely from this share of the residual's power on: far from
-# the truth a tangent tells half of a size, and what it leaves is in the deviation.
+# Parameters that vary, not certain along a tangent, are likely from this share of the residual's power on:
+# far from the truth a tangent tells half of a size, and what it leaves is in the deviation.
 SUSPECTED = 0.1
 
 # Delays of a sensor, and time constants of its low-pass, in samples that are looked at where a row is left

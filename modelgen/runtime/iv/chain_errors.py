@@ -177,8 +177,7 @@ def _acceleration(simulated: Simulated, body: str, record: Record | None) -> Flo
     if record is None or shown is None:
         return own
     further = zero_phase(shown.motion, LED_ORDER, simulated.led_hz, record.fs)
-    for _ in range(2 - shown.order):
-        further = differentiate(further, record.dt)
+    further = differentiate(further, record.dt, 2 - shown.order)
     noise = _noise_as(shown, 2, 0.0, simulated.led_hz)
     clear = noise < max(UNCLEAR * float(np.var(own)), FAR_OFF * float(np.var(further)))
     return np.asarray(own + further if clear else own)

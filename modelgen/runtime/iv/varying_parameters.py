@@ -16,8 +16,8 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
 Form = Callable[[FloatArray], FloatArray]
-# (record's index, samples) -> what share of a change there is, shape (samples,).
-Share = Callable[[int, int], FloatArray]
+# (simulated, size so far) -> what a unit more of a parameter changes.
+Larger = Callable[[Simulated, float], Changes]
 # What is said of what changes in the course of the records, and along positions.
 MEAN = "as where a machine warms up: its value is that of the middle, and the interval holds what it was"
 MIDDLE = "its value is that of the middle of the positions, and the interval holds what it is elsewhere"
@@ -130,15 +130,12 @@ def _drift(
     return Effect(f"drift of {name}", "drift", falls, rises, WARM_MACHINE, changes, varies=varies)
 
 
-def _set_anew(
-    name: str, larger: Callable[..., Changes], remedy: str, records: Sequence[Record]
-) -> Iterator[Effect]:
+def _set_anew(name: str, larger: Larger, remedy: str, records: Sequence[Record]) -> Iterator[Effect]:
     """Yield that a parameter is another one in one of several records.
 
-    The size is the difference, in the parameter's unit. `larger` says what is changed where the parameter is
-    larger by a share of the size. It is looked for along the simulated motion: noise of a sensor is in the
-    rows, too, and would look like another parameter there. It is estimated along the motion of the record,
-    with the simulated one as instrument. Changes within records are for `diagnostics.changing_inertia`.
+    The size is the difference, in the parameter's unit. It is looked for along the simulated motion: noise of
+    a sensor is in the rows, too, and would look like another parameter there. It is estimated along that of
+    the record, with the simulated one as instrument. `diagnostics.changing_inertia` tells changes within one.
     """
     count = len(records)
     for one in range(count if count > 1 else 0):
@@ -149,26 +146,25 @@ def _set_anew(
             " interval holds both"
             for way in ("larger", "smaller")
         )
-        changes = partial(larger, partial(_only_in, one))
+        changes = partial(_only_in, one, larger)
         yield Effect(f"{name} of record {one + 1}", "drift", more, less, remedy, changes, at=changes,
                      quiet=changes, varies=((name, 1.0),))  # fmt: skip
 
 
-def _only_in(one: int, index: int, samples: int) -> FloatArray:
-    """Return 1 for one of the records and 0 for the others, shape (samples,)."""
-    return np.full(samples, float(index == one))
+def _only_in(one: int, larger: Larger, simulated: Simulated, size: float = 0.0) -> Changes:
+    return larger(simulated, size) if simulated.index == one else {}
 
 
-def _heavier(body: str, share: Share, simulated: Simulated, size: float = 0.0) -> Changes:
+def _heavier(body: str, simulated: Simulated, size: float) -> Changes:
     """Return what is changed by a unit more inertia of a body."""
     moved = acceleration(simulated, body) if size else simulated.motion[f"a_{body}"]
-    return pushed_body(simulated, body, -share(simulated.index, len(moved)) * moved)
+    return pushed_body(simulated, body, -moved)
 
 
-def _stiffened(stiffness: str, share: Share, simulated: Simulated, size: float = 0.0) -> Changes:
+def _stiffened(stiffness: str, simulated: Simulated, size: float) -> Changes:
     """Return what is changed by a unit more stiffness of a link."""
     bent = deflection(simulated, stiffness) if size else simulated_deflection(simulated, stiffness)
-    return pushed_link(simulated, stiffness, share(simulated.index, len(bent)) * bent)
+    return pushed_link(simulated, stiffness, bent)
 
 
 def _position(model: Model, records: Sequence[Record]) -> tuple[str, float, float] | None:

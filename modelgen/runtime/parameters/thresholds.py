@@ -87,8 +87,8 @@ HELD = 1e-2
 CENTRED = 1.0
 # Where bounds raise chi-square by less than this the rows know shapes better than what is likely.
 WORTH_CENTRING = 1.0
-# They are looked for from inside, links enlarged by this share, by so many steps at most, until one promises
-# to gain less than this in log-likelihood; steps halved to less than the last number lead nowhere.
+# Likely bodies are looked for from inside, links enlarged by this share, by so many steps at most, until one
+# promises to gain less than this in log-likelihood; steps halved to less than the last number lead nowhere.
 LIFTED, CENTRING_STEPS, SMALLEST_GAIN, SHORTEST_STEP = 0.05, 100, 1e-3, 1e-12
 # What bends down counts in a step by the first of these shares that leaves a minimum; sizes that nothing
 # tells stay where they are.

@@ -104,10 +104,10 @@ class Search:
         """Return the search with the effect estimated that leaves least, or at its end."""
         shown = [one for one in seen.found if one.matters and one.effect.possible(one.size)]
         room = len(self.effects) < self.given + MOST_EFFECTS and len(self.before) < SEARCH_STEPS
-        varying = [one.effect for one in likely_of(seen.found) if one.effect.varies and not one.matters]
+        likely = likely_of(seen.found)
+        varying = [one.effect for one in likely if one.effect.varies and not one.matters]
         tried = [*self._in_shape((*seen.shapes, *varying[:MOST_TRIED]))] if room else []
         if not tried and not shown:
-            likely = likely_of(seen.found)
             return replace(self._holding(likely[0]), held=likely[0]) if likely else replace(self, ended=True)
         if not tried and _of_the_same(shown[0], self.effects):
             return self._holding(shown[0])
@@ -131,7 +131,7 @@ class Search:
         ]
 
     def _in_shape(self, shapes: Sequence[Effect]) -> Iterator[tuple[Effect, tuple[Effect, ...], Freed]]:
-        """Yield the fits with a further mass, a ripple, or else, that is certain and leaves clearly less."""
+        """Yield the fits with one more effect that is certain and leaves clearly less."""
         least = normal_beyond(0.5 * LEVEL)
         for effect in shapes:
             found = self._freed(effect)
