@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.power_spectrum import quick_length
+from modelgen.runtime.filters.rounding import step_of_counts
 from modelgen.runtime.filters.thresholds import (
     AS_HIGH,
     ENOUGH_READINGS,
@@ -27,8 +28,9 @@ from modelgen.runtime.filters.thresholds import (
     WRAP_SHARE,
 )
 
-# A turn, in rad, degrees and revolutions, and counters of so many bits.
-TURNS = (2.0 * np.pi, 360.0, 1.0, *(2.0**bits for bits in range(8, 33)))
+# Counters of so many bits; a turn in rad, degrees and revolutions.
+COUNTERS = tuple(2.0**bits for bits in range(8, 33))
+TURNS = (2.0 * np.pi, 360.0, 1.0, *COUNTERS)
 
 
 def modulus(samples: FloatArray) -> float | None:
@@ -42,8 +44,9 @@ def modulus(samples: FloatArray) -> float | None:
     Returns
     -------
     float or None
-        In the unit of the samples. One jump alone counts only if it is a turn, or a power of two: a machine
-        may have moved while nothing was recorded.
+        In the unit of the samples. One jump alone counts only if it is a turn, or a power of two of numbers
+        or of the steps that readings are rounded to (counts with a factor): a machine may have moved while
+        nothing was recorded. Readings in such steps begin again after a whole number of them.
     """
     steps = np.diff(samples)
     span = float(np.ptp(samples))
@@ -60,6 +63,10 @@ def modulus(samples: FloatArray) -> float | None:
     sizes = np.abs(steps[alone] - 0.5 * (steps[alone - 1] + steps[alone + 1]))
     found, bent = float(np.median(sizes)), _bends(samples, steps, far)
     usual_turns = [turn for turn in TURNS if abs(turn - found) <= bent]
+    if not usual_turns:
+        step = step_of_counts(samples)
+        found = float(np.round(found / step)) * step if step else found
+        usual_turns = [bits * step for bits in COUNTERS if abs(bits * step - found) <= bent]
     if not usual_turns and len(alone) == 1:
         return None
     size = min(usual_turns, key=lambda turn: abs(turn - found)) if usual_turns else found

@@ -51,6 +51,18 @@ def rounding(samples: FloatArray) -> float:
     return step or _step_in_time(shown, least)
 
 
+def step_of_counts(samples: FloatArray) -> float:
+    """Return the step, in their unit, of which readings, shape (n,), differ by multiples in time; 0 for none.
+
+    It shows in a motion at any speed: changes from sample to sample differ by it.
+    """
+    least = ROUNDING * float(np.ptp(samples))
+    changes = np.unique(np.abs(np.diff(excerpt(samples))))
+    apart = np.diff(changes, prepend=0.0)
+    step = _common_step(apart[apart > least])
+    return float(np.sum(changes) / np.sum(np.round(changes / step))) if step else 0.0
+
+
 def _rounding_at_turns(samples: FloatArray, least: float) -> float:
     """Return the same where a motion is so fast that readings repeat next to its turning points only."""
     repeated = np.flatnonzero(samples[1:] == samples[:-1])

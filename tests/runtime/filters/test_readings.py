@@ -37,6 +37,18 @@ def test_a_modulus_that_is_no_turn_is_measured() -> None:
     assert modulus(ANGLE % 3.3) == pytest.approx(3.3, rel=1e-3)
 
 
+@pytest.mark.parametrize("bits", [16, 18])
+def test_a_counter_with_a_factor_begins_again_after_its_counts(bits: int) -> None:
+    factor = TURN / 4096.0
+    there_and_back = np.round(120_000.0 * np.sin(2.0 * np.pi * 0.4 * T) + 2e4 * NOISE) + 20_000.0
+    counts = (there_and_back + 2.0 ** (bits - 1)) % 2.0**bits - 2.0 ** (bits - 1)
+    assert modulus(counts * factor) == pytest.approx(2.0**bits * factor, rel=1e-9)
+    once = (np.round(30_000.0 * T + 2e4 * NOISE) + 20_000.0) % 2.0**bits  # at 18 bits it never begins again
+    assert modulus(once[:3000] * factor) == (
+        pytest.approx(2.0**16 * factor, rel=1e-9) if bits == 16 else None
+    )
+
+
 def _dropped_out(samples: FloatArray) -> FloatArray:
     return np.where(np.abs(np.arange(samples.size) - 2000) < 3, 0.0, samples)
 
