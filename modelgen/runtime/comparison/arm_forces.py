@@ -48,7 +48,7 @@ def compare_forces(
         When a channel is missing, or a record too short for the filters.
     """
     extended = with_derived(model, records)
-    refuse_lacking(extended, model.channels)
+    refuse_lacking(extended, model.channels, model.channel_units)
     base, absent = base_values(model, parameters)
     plant = arm_plant(model, base)
     return tuple(

@@ -25,6 +25,7 @@ from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.model.power.power_model import power_model
 from modelgen.runtime.numerics.threads import meanwhile
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
+from modelgen.runtime.records.channel_checks import other_units
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.directions import (
     Source,
@@ -232,6 +233,7 @@ def _check(
     problems += direction_problems(model, records, directions)
     measured = [key for key in model.channels if key not in wanted_directions(model)]
     for record in records:
+        problems += other_units(record.name, record.units, model.channel_units)
         missing = [key for key in measured if key not in record.signals]
         problems += [missing_name(record.name, "channel", key, record.signals) for key in missing]
         # products of such samples would be lost: no answer, or one of rounding

@@ -10,7 +10,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.prediction.open_loop import open_loop_readings
 from modelgen.runtime.prediction.predictor import predicted_readings
 from modelgen.runtime.prediction.thresholds import JUDGED_SAMPLES
-from modelgen.runtime.records.record import Record
+from modelgen.runtime.records.record import Record, refuse_lacking
 from modelgen.runtime.records.same_data import is_held_out
 from modelgen.runtime.simulation.plant import Plant, make_plant
 from modelgen.runtime.simulation.thresholds import CUTOFF_SHARE
@@ -53,8 +53,7 @@ def compare(
     if horizon is not None and (isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1):
         remedy = "give a whole number of samples, 1 or more, or none for open loop"
         raise DataError.at("horizon", f"is {shown_number(horizon)}", remedy)
-    if not records:
-        raise DataError.at("records", "there are none", "give at least one Record")
+    refuse_lacking(records, (), model.channel_units)
     sensors = [sensor.key for sensor in model.sensors]
     problems = [
         Problem(record.name, f"has none of the sensors {listed(sensors)}", "map a column to one of them")

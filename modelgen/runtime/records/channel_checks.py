@@ -1,4 +1,4 @@
-"""Samples as they are given -> checked arrays, or what is wrong with them."""
+"""What a record is made of -> checked arrays, or what is wrong with samples, labels and units."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import Problem, listed
-from modelgen.magnitudes import FAINTEST, LARGEST
+from modelgen.magnitudes import FAINTEST, FREQUENCY_REMEDY, LARGEST, is_frequency, shown_number
+from modelgen.runtime.files.units import states_no_unit, unit_from_text
 from modelgen.runtime.records.faults import restarts
 
 MISSING_REMEDY = "cut the record there, or interpolate the missing samples"
@@ -113,3 +114,56 @@ def restart_problems(path: str, clocks: Mapping[str, FloatArray]) -> list[Proble
             remedy = "cut the file there, and give every record as a file of its own"
             problems.append(Problem(f"{path}: column {name}, sample {again[0]}", what, remedy))
     return problems
+
+
+def label_problems(name: Any, tag: Any) -> list[Problem]:
+    """Return what is wrong with the name and the tag of a record."""
+    problems = []
+    # control characters would steer the terminal that an estimate is printed on
+    if not isinstance(name, str) or not name or not name.isprintable():
+        remedy = "give a string of visible characters (rename the file, if it is a file's name)"
+        problems.append(Problem("record", f"name is {name!r}", remedy))
+    if tag is not None and not (isinstance(tag, str) and tag.isprintable()):
+        problems.append(Problem("record", f"tag is {tag!r}", "give a string of visible characters, or None"))
+    return problems
+
+
+def frequency_problems(where: str, fs: Any) -> list[Problem]:
+    """Return what is wrong with a sampling frequency in Hz."""
+    if is_frequency(fs):
+        return []
+    return [Problem(f"{where}: fs", f"is {shown_number(fs)}", FREQUENCY_REMEDY)]
+
+
+def unit_text_problems(where: str, units: Any, channels: Mapping[str, FloatArray]) -> list[Problem]:
+    """Return what is wrong with the units of channels, shape (n,) each in that unit: texts by channel."""
+    if not isinstance(units, Mapping):
+        return [Problem(f"{where}: units", f"is {type(units).__name__}", "give a mapping of channel to unit")]
+    problems = []
+    for key, unit in units.items():
+        if key not in channels:
+            problems.append(Problem(f"{where}: unit of {key!r}", "is that of no channel", "leave it out"))
+        if not isinstance(unit, str) or not unit.isprintable():
+            problems.append(Problem(f"{where}: unit of {key!r}", f"is {unit!r}", "give visible characters"))
+    return problems
+
+
+def other_units(where: str, units: Mapping[str, str], wanted: Mapping[str, str]) -> list[Problem]:
+    """Return one problem per channel that is stated to be in another unit than wanted (SI).
+
+    A torque logged as a current needs its torque constant: without it every number would be in a wrong unit.
+    """
+    found = []
+    for key, stated in units.items():
+        asked, unit = wanted.get(key), unit_from_text(stated)
+        if (
+            asked is None
+            or states_no_unit(stated)
+            or (unit and unit.factor == 1.0 and unit.si in (asked, "1"))
+        ):
+            continue
+        unknown = "" if unit else ", a unit that is not known"
+        remedy = f'give its factor, {asked} per {stated}: scales={{"{key}": FACTOR}} where it is read'
+        what = f"is in {stated}{unknown}, and {asked} is needed"
+        found.append(Problem(f"{where}: channel {key}", what, remedy))
+    return found

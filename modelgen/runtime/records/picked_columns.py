@@ -116,6 +116,16 @@ def unit_problems(source: Source, picks: Sequence[Pick], wanted: Mapping[str, st
     return found
 
 
+def units_of_numbers(picks: Sequence[Pick]) -> dict[str, str]:
+    """Return what the numbers of channels are in, by channel, where a file says it and no factor is given."""
+    return {
+        # a share of what a drive can do is one of a number that the file does not hold
+        pick.key: pick.unit.si if pick.unit and pick.unit.si != "1" else pick.stated
+        for pick in picks
+        if pick.stated and not pick.scaled and not states_no_unit(pick.stated)
+    }
+
+
 def taken_for(source: Source, picks: Sequence[Pick]) -> tuple[str, ...]:
     """Return how the file was interpreted: its layout, and every unit that was converted or is unknown."""
     said = list(source.took)

@@ -32,6 +32,7 @@ from modelgen.runtime.records.picked_columns import (
     shared_problems,
     taken_for,
     unit_problems,
+    units_of_numbers,
 )
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.repair import (
@@ -183,7 +184,7 @@ def read(
     known = source.joined or unit is not None
     rate = sampling_frequency(where, stated, track.times if track.times.size else None, known)
     name = name or source.name or source.path.stem
-    record = Record(track.signals, rate, name=name, tag=source.tag if tag is None else tag)
+    record = Record(track.signals, rate, name, source.tag if tag is None else tag, units_of_numbers(picks))
     slow = slow_times(label, rate) if stated is None and not known else ()
     return Reading(record, (*taken_for(source, picks), *slow), findings, track.said)
 

@@ -13,8 +13,14 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem, listed, nearest, shortened
 from modelgen.lazy_accessor import LazyAccessor
-from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, shown_number
-from modelgen.runtime.records.channel_checks import checked_channel, length_problems
+from modelgen.runtime.records.channel_checks import (
+    checked_channel,
+    frequency_problems,
+    label_problems,
+    length_problems,
+    other_units,
+    unit_text_problems,
+)
 from modelgen.runtime.records.channels import Channels, ChannelSignals, Edit, EditedChannels
 from modelgen.runtime.records.record_facts import RecordFacts
 
@@ -37,6 +43,9 @@ class Record:
         Names the record in messages and reports.
     tag : str, optional
         What kind of experiment this is ("chirp", "trapezoid"); chooses among rows where a user asks for it.
+    units : mapping of str to str, optional
+        What the numbers of channels are in ("A"), as far as it is known. Nothing is converted:
+        `modelgen.identify` refuses a channel that is in another unit than its model needs.
 
     Raises
     ------
@@ -55,12 +64,13 @@ class Record:
     fs: float
     name: str = "record"
     tag: str | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
     n: int = field(init=False)
 
     def __post_init__(self) -> None:
-        problems = _label_problems(self.name, self.tag)
+        problems = label_problems(self.name, self.tag)
         where = self.name if isinstance(self.name, str) and self.name else "record"
-        problems += _fs_problems(where, self.fs)
+        problems += frequency_problems(where, self.fs)
         channels: dict[str, FloatArray] = {}
         if not isinstance(self.signals, Mapping) or not self.signals:
             problems.append(Problem(where, "has no channels", "give signals as a mapping of key to samples"))
@@ -70,9 +80,10 @@ class Record:
                 problems += found
                 if array is not None:
                     channels[key] = array
-        problems += length_problems(where, channels)
+        problems += length_problems(where, channels) + unit_text_problems(where, self.units, channels)
         DataError.raise_any(problems)
         object.__setattr__(self, "signals", MappingProxyType(channels))
+        object.__setattr__(self, "units", MappingProxyType(dict(self.units)))
         object.__setattr__(self, "fs", float(self.fs))
         object.__setattr__(self, "n", len(next(iter(channels.values()))))
 
@@ -91,17 +102,25 @@ class Record:
         DataError
             When its name, sampling frequency, number of samples or tag cannot be used.
         """
-        problems = _label_problems(source.name, tag) + _fs_problems(source.name, source.fs)
+        problems = label_problems(source.name, tag) + frequency_problems(source.name, source.fs)
         if source.n < 2:
             problems.append(Problem(source.name, f"has {source.n} sample(s)", "give at least two samples"))
         DataError.raise_any(problems)
-        return cls._of(ChannelSignals(source), float(source.fs), source.name, tag, int(source.n))
+        return cls._of(ChannelSignals(source), float(source.fs), source.name, tag, {}, int(source.n))
 
     @classmethod
-    def _of(cls, signals: Mapping[str, FloatArray], fs: float, name: str, tag: str | None, n: int) -> Record:
+    def _of(
+        cls,
+        signals: Mapping[str, FloatArray],
+        fs: float,
+        name: str,
+        tag: str | None,
+        units: Mapping[str, str],
+        n: int,
+    ) -> Record:
         """Return the record of what has been checked before."""
         record = object.__new__(cls)
-        entries = {"signals": signals, "fs": fs, "name": name, "tag": tag, "n": n}
+        entries = {"signals": signals, "fs": fs, "name": name, "tag": tag, "units": units, "n": n}
         for key, value in entries.items():
             object.__setattr__(record, key, value)
         return record
@@ -142,7 +161,7 @@ class Record:
         if new.n != self.n:
             raise DataError(*length_problems(self.name, joined))
         # the other channels are checked, and nobody can change them
-        edited = Record._of(MappingProxyType(joined), self.fs, self.name, self.tag, self.n)
+        edited = Record._of(MappingProxyType(joined), self.fs, self.name, self.tag, self.units, self.n)
         same = {key: found for key, found in self.facts.channels.items() if key not in made}
         vars(edited)["facts"] = RecordFacts(edited, same, self.facts)
         return edited
@@ -160,7 +179,7 @@ class Record:
         if isinstance(self.signals, ChannelSignals):
             return Record.over(EditedChannels(self.source, name, stop - start, {}, start), self.tag)
         cut = {key: samples[start:stop] for key, samples in self.signals.items()}
-        return Record(cut, self.fs, name, self.tag)
+        return Record(cut, self.fs, name, self.tag, self.units)
 
     @property
     def dt(self) -> float:
@@ -220,7 +239,8 @@ class Record:
         """
         wanted = tuple(keys)
         refuse_lacking([self], wanted)
-        return Record({key: self.signals[key] for key in wanted}, self.fs, self.name, self.tag)
+        units = {key: unit for key, unit in self.units.items() if key in wanted}
+        return Record({key: self.signals[key] for key in wanted}, self.fs, self.name, self.tag, units)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Record):
@@ -239,7 +259,7 @@ class Record:
         if isinstance(self.signals, ChannelSignals):
             return Record.over, (self.source, self.tag)
         # a mapping proxy cannot be sent to another process, a dict can
-        return Record, (dict(self.signals), self.fs, self.name, self.tag)
+        return Record, (dict(self.signals), self.fs, self.name, self.tag, dict(self.units))
 
 
 def _ones(samples: FloatArray, _: int) -> FloatArray:
@@ -254,8 +274,12 @@ def missing_name(where: str, kind: str, name: str, available: Iterable[str]) -> 
     return Problem(where, f"has no {kind} {shortened(name)}", f"{hint}available: {listed(names)}")
 
 
-def refuse_lacking(records: Sequence[Record], needed: Iterable[str]) -> None:
-    """Raise DataError with one problem per channel that a record lacks, or where there are no records."""
+def refuse_lacking(
+    records: Sequence[Record], needed: Iterable[str], units: Mapping[str, str] = MappingProxyType({})
+) -> None:
+    """Raise DataError with one problem per channel that a record lacks or has in another unit than `units`,
+    or where there are no records.
+    """
     if not records:
         raise DataError.at("records", "there are none", "give at least one Record")
     wanted = tuple(needed)
@@ -265,21 +289,6 @@ def refuse_lacking(records: Sequence[Record], needed: Iterable[str]) -> None:
         for key in wanted
         if key not in one.keys
     ]
-    DataError.raise_any(lacking)
-
-
-def _label_problems(name: Any, tag: Any) -> list[Problem]:
-    problems = []
-    # control characters would steer the terminal that an estimate is printed on
-    if not isinstance(name, str) or not name or not name.isprintable():
-        remedy = "give a string of visible characters (rename the file, if it is a file's name)"
-        problems.append(Problem("record", f"name is {name!r}", remedy))
-    if tag is not None and not (isinstance(tag, str) and tag.isprintable()):
-        problems.append(Problem("record", f"tag is {tag!r}", "give a string of visible characters, or None"))
-    return problems
-
-
-def _fs_problems(where: str, fs: Any) -> list[Problem]:
-    if is_frequency(fs):
-        return []
-    return [Problem(f"{where}: fs", f"is {shown_number(fs)}", FREQUENCY_REMEDY)]
+    DataError.raise_any(
+        lacking + [one for record in records for one in other_units(record.name, record.units, units)]
+    )

@@ -80,7 +80,7 @@ def validate(
         the model.
     """
     given = with_defaults("validate", options, ValidationOptions, ValidationOptions())
-    refuse_lacking(records, (*model.channels, "reference"))
+    refuse_lacking(records, (*model.channels, "reference"), model.channel_units)
     refuse_same_data(records, model.channels)
     plant = make_plant(model, parameters, actuator)
     drive = drive or Drive()

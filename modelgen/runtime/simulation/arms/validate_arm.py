@@ -82,7 +82,7 @@ def validate_arm(
     """
     needed = (*model.channels, *(f"reference_{name}" for name in joint_units(model)))
     needed = tuple(key for key in needed if key not in model.derived)
-    refuse_lacking(records, needed)
+    refuse_lacking(records, needed, model.channel_units)
     refuse_same_data(records, model.channels)
     base, absent = base_values(model, parameters)
     plant = arm_plant(model, base, tame=True)
