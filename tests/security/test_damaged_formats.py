@@ -187,3 +187,15 @@ def test_objects_and_references_in_hdf5_are_left_out(trap: Path) -> None:
         file.create_dataset("reference", (1,), dtype=h5py.ref_dtype)
         file.create_dataset("complex", data=np.ones(200, dtype=complex))
     assert list(read_record(trap / "a.h5", fs=1000.0).signals) == ["q_m"]
+
+
+def test_groups_within_groups_are_refused_at_once(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "run.h5"
+    with h5py.File(path, "w") as file:
+        file["/".join("a" * 90) + "/q"] = T
+    assert list(read(path, fs=1000.0).record.signals) == [".".join("a" * 90) + ".q"]
+    with h5py.File(path, "a") as file:
+        file["/".join("a" * 120) + "/q"] = T
+    with pytest.raises(DataError, match="its groups are nested more than 100 deep"):
+        read(path, fs=1000.0)

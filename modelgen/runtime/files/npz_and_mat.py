@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Collection, Sequence
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,7 @@ def open_npz(path: Path) -> Source:
             members = archive.zip.infolist() if archive.zip else []
             check_expansion(path, sum(member.file_size for member in members))
             arrays = {name: archive[name] for name in archive.files}
+            repeated = dict.fromkeys(name for name, times in Counter(archive.files).items() if times > 1)
         foreign = next((name for name, array in arrays.items() if not isinstance(array, np.ndarray)), None)
         if foreign is not None:
             raise _NotPlain(f"its member {foreign!r} is no array")
@@ -56,7 +58,8 @@ def open_npz(path: Path) -> Source:
     texts = {
         name: str(array) for name, array in arrays.items() if array.ndim == 0 and array.dtype.kind == "U"
     }
-    return source_of_arrays(path, arrays, name=texts.get("name"), tag=texts.get("tag"))
+    took = _repeated(repeated)
+    return source_of_arrays(path, arrays, name=texts.get("name"), tag=texts.get("tag"), took=took)
 
 
 def open_mat(path: Path) -> Source:
@@ -103,10 +106,13 @@ def _source_of_variables(file: MatFile) -> Source:
         if variable.what in LEFT_OUT.values()
     ]
     took = [f"left out: {listed(left_out)}"] if left_out else []
-    if file.repeated:
-        took.append(f"stored more than once, the last one counts: {listed(file.repeated)}")
+    took += _repeated(file.repeated)
     shapes = {name: variable.shape for name, variable in numeric.items()}
     return source_of_shapes(file.path, shapes, scalars, load, "matlab", took=tuple(took))
+
+
+def _repeated(names: Collection[str]) -> tuple[str, ...]:
+    return (f"stored more than once, the last one counts: {listed(names)}",) if names else ()
 
 
 def _no_matlab_file(path: Path, error: DamagedFile) -> DataError:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import struct
 import tempfile
+import warnings
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -200,3 +202,13 @@ def test_only_what_is_asked_for_is_read(tmp_path: Path, packed: bool) -> None:
     if packed:
         with pytest.raises(DataError, match=r"a\.mat: is no readable MATLAB file"):
             open_source(path).load(("F",))
+
+
+def test_a_member_of_an_archive_that_stands_there_twice(tmp_path: Path) -> None:
+    path, member = tmp_path / "a.npz", io.BytesIO()
+    np.save(member, np.arange(3.0))
+    with zipfile.ZipFile(path, "w") as archive, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for _ in range(2):
+            archive.writestr("q.npy", member.getvalue())
+    assert open_source(path).took == ("stored more than once, the last one counts: q",)

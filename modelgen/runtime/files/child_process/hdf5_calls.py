@@ -14,6 +14,7 @@ import numpy.typing as npt
 from modelgen.runtime.files.size_limits import MOST_COLUMNS
 
 NUMERIC = (h5py.h5t.INTEGER, h5py.h5t.FLOAT, h5py.h5t.ENUM)  # of which truth values are one
+DEEPEST = 100  # groups within each other: names of places cost the square of it
 UNIT_ATTRIBUTES = ("unit", "units", "Unit", "Units")
 
 
@@ -26,6 +27,8 @@ def listing(path: Path) -> Iterator[Any]:
     found: list[dict[str, Any]] = []
 
     def visit(name: bytes, info: Any) -> bool | None:
+        if name.count(b"/") > DEEPEST:
+            raise ValueError(f"its groups are nested more than {DEEPEST} deep")
         # MATLAB keeps the inside of its objects and cells in #refs#
         if info.type != h5py.h5o.TYPE_DATASET or name.startswith(b"#"):
             return None
