@@ -6,6 +6,9 @@ module that needs dask.distributed to be imported.
 
 from __future__ import annotations
 
+import logging
+import signal
+import threading
 from importlib import import_module
 from typing import Any
 
@@ -14,8 +17,8 @@ distributed: Any = import_module("distributed")
 #: A cluster of dask gives up a worker that is not back after 15 s, and starts no other. On a busy machine
 #: it may take longer, and die again in between. Whether to wait is decided by who waits for the results.
 KEPT = {"distributed.deploy.lost-worker-timeout": "24h"}
-#: what the cluster's processes log: warnings (logging.WARNING), as those of a cluster of dask's own
-LOGGED = 30
+#: what the cluster's processes log: warnings, as those of a cluster of dask's own
+LOGGED = logging.WARNING
 
 
 class _WithoutHttp:
@@ -30,7 +33,17 @@ class QuietScheduler(_WithoutHttp, distributed.Scheduler):  # type: ignore[misc]
 
 
 class QuietWorker(_WithoutHttp, distributed.Worker):  # type: ignore[misc]
-    """A worker that answers its scheduler and the other workers only."""
+    """A worker that answers its scheduler and the other workers only, and ends when these say so.
+
+    A terminal sends an interruption to all processes: who waits for the results ends the workers then. What
+    they would log of work that is given up is no news to anyone.
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        logging.getLogger("distributed.worker.state_machine").setLevel(logging.ERROR)
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+        super().__init__(*arguments, **options)
 
 
 def local_cluster(workers: int, folder: str, environment: dict[str, str], starting_s: float) -> Any:

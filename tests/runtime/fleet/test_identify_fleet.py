@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -219,6 +220,11 @@ def test_workers_use_one_thread_and_keep_their_memory(client: Any) -> None:
     # dask's own setting gives memory back above 64 kB
     wanted = {"MALLOC_TRIM_THRESHOLD_": "268435456", "MALLOC_MMAP_THRESHOLD_": "33554432"}
     assert {name: found[name] for name in wanted} == {n: os.environ.get(n, v) for n, v in wanted.items()}
+
+
+def test_an_interruption_is_for_who_waits_alone(client: Any) -> None:
+    # a terminal sends it to every process; dask's would each end with a traceback
+    assert client.submit(signal.getsignal, signal.SIGINT, pure=False).result(timeout=60.0) == signal.SIG_IGN
 
 
 @pytest.mark.slow
