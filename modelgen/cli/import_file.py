@@ -20,7 +20,7 @@ from modelgen.runtime.records.faults import Finding, clock_faults, reading_fault
 from modelgen.runtime.records.mapping_file import Proposed, mapping_text
 from modelgen.runtime.records.propose_mapping import propose
 from modelgen.runtime.records.read_record import read
-from modelgen.runtime.records.sampling_frequency import UNITS, likely_unit
+from modelgen.runtime.records.sampling_frequency import PER_SECOND, UNITS, likely_unit
 
 if TYPE_CHECKING:
     from modelgen.runtime.model.model import Model
@@ -114,6 +114,7 @@ def _one_by_one(source: Source) -> Columns:
 def _describe(source: Source, name: str, values: Any) -> Description:
     unit = unit_from_text(source.units.get(name, ""))
     numbers = values is not None and values.size > 0
+    there = values[np.isfinite(values)] if numbers else np.empty(0)
     return {
         "column": name,
         "unit": source.units.get(name),
@@ -121,8 +122,8 @@ def _describe(source: Source, name: str, values: Any) -> Description:
         "factor": unit.factor if unit else None,
         "times": source.clocks.get(name, source.clock),
         "samples": int(values.size) if numbers else 0,
-        "minimum": float(np.min(values)) if numbers else None,
-        "maximum": float(np.max(values)) if numbers else None,
+        "minimum": float(np.min(there)) if there.size else None,
+        "maximum": float(np.max(there)) if there.size else None,
         "first": float(values[0]) if numbers else None,
     }
 
@@ -149,8 +150,8 @@ def _time_unit(source: Source, columns: dict[str, Any]) -> tuple[float, str]:
         return 1.0, "s"
     step = abs(float(np.median(np.diff(values))))
     if source.fs is None:
-        name = likely_unit(step)
-        return 1.0 / UNITS[name], name
+        name = likely_unit(step, float(values[0]))
+        return 1.0 / PER_SECOND[name], name
     # what agrees with the frequency that is stated
     for name, per_second in UNITS.items():
         if step > 0.0 and abs(1.0 / (step * source.fs) * per_second - 1.0) < 0.01:

@@ -76,7 +76,7 @@ SamplingFrequency = Annotated[
     float | None, typer.Option("--fs", "--fs-hz", metavar="HZ", help="Sampling frequency in Hz.")
 ]
 TimeColumn = Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of times.")]
-TimeUnit = Annotated[str | None, typer.Option(metavar="UNIT", help="s, ms, us or ns; as stated.")]
+TimeUnit = Annotated[str | None, typer.Option(metavar="UNIT", help="s, ms, us, ns or days; as stated.")]
 Mend = Annotated[list[str] | None, typer.Option(metavar="WHAT", help=MEND_HELP)]
 
 Directions = Annotated[

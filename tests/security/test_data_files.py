@@ -126,7 +126,7 @@ TEXTS: dict[str, tuple[bytes, str]] = {
     "a word": (b"t,q_m\n0,1\n1,x\n", "line 3, column q_m: is 'x', no number"),
     "code": (b"t,q_m\n0,1\n1,open('pwned'\n", "line 3, column q_m: is .* no number"),
     "formula": (b"t,q_m\n0,1\n1,=1+1\n", "line 3, column q_m: is '=1\\+1', no number"),
-    "empty cell": (b"t,q_m\n0,1\n1,\n", "line 3, column q_m: is empty"),
+    "empty cell": (b"t,q_m\n0,1\n1,\n", "column q_m, sample 1: is nan"),
     "not a number": (b"t,q_m\n0.000,1\n0.001,nan\n0.002,1\n", "column q_m, sample 1: is nan"),
     "infinity": (b"t,q_m\n0.000,1\n0.001,inf\n0.002,1\n", "column q_m, sample 1: is inf"),
     "overflow": (b"t,q_m\n0.000,1\n0.001,1e999\n0.002,1\n", "column q_m, sample 1: is inf"),

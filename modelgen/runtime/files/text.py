@@ -6,6 +6,7 @@ comma, semicolon or tab. What instruments write above or next to the table is fo
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -22,17 +23,20 @@ from modelgen.runtime.files.instrument_dialects import DIALECTS, stated_frequenc
 from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.text_layout import (
     END_MARKS,
+    NO_READING,
     SPACES,
     Layout,
     cells_of,
     heads,
     number_from,
+    reading_from,
     sniff,
 )
 from modelgen.runtime.files.text_lines import SEPARATORS, encoding_of, lines_of, opened_text
 from modelgen.runtime.files.timestamps import nanoseconds, time_since
 
 RECORD_MARK = "# modelgen record "  # followed by JSON: fs, name and tag of a record written by modelgen
+THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,'’ ]\d{3})+(?:[.,]\d+)?")
 Table = FloatArray
 
 
@@ -151,7 +155,8 @@ def _load(layout: Layout, names: Sequence[str]) -> Columns:
     """Read columns: all at once where the table holds numbers only, otherwise line by line."""
     place_of = {name: place for place, name in enumerate(layout.names)}
     places = {name: place_of[name] for name in names}
-    table = None if layout.ragged else _fast_table(layout, tuple(places.values()))
+    line_by_line = layout.ragged or (layout.decimal_comma and layout.separator == ",")
+    table = None if line_by_line else _fast_table(layout, tuple(places.values()))
     columns = None if table is None else [table[:, place] for place in range(table.shape[1])]
     if columns is None:
         columns = _slow_columns(layout, tuple(places.values()))
@@ -206,9 +211,12 @@ def _slow_columns(layout: Layout, places: tuple[int, ...]) -> list[Table]:
             value = read(cell)
             if value is None:
                 kind = "time" if layout.names[place] in layout.stamps else "number"
-                what = f"is {cell!r}, no {kind}" if cell else "is empty"
                 remedy = "correct the cell, or start a line that holds no samples with #"
-                raise DataError.at(f"{where}, column {layout.names[place]}", what, remedy)
+                if THOUSANDS.fullmatch(cell):
+                    remedy = "write numbers without a mark between thousands"
+                raise DataError.at(
+                    f"{where}, column {layout.names[place]}", f"is {cell!r}, no {kind}", remedy
+                )
             column.append(value)
     if not any(columns):
         raise DataError.at(str(layout.path), "has a header but no samples", "give one line a sample")
@@ -219,10 +227,12 @@ def _reader(layout: Layout, place: int) -> Callable[[str], float | None]:
     """Return what turns a cell of a column into its value, None where it holds none."""
     first = layout.stamps.get(layout.names[place])
     if first is None:
-        return lambda cell: number_from(cell, layout.decimal_comma)
+        return lambda cell: reading_from(cell, layout.decimal_comma)
     since = time_since(first)
 
     def time(cell: str) -> float | None:
+        if cell.lower() in NO_READING:
+            return nan
         try:
             return since(cell)
         except ValueError:

@@ -8,9 +8,11 @@ that cannot be recognised from the lines alone.
 from __future__ import annotations
 
 import csv
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import nan
 from pathlib import Path
 
 from modelgen.errors import listed
@@ -20,6 +22,10 @@ from modelgen.runtime.files.timestamps import is_date, is_long_count, nanosecond
 from modelgen.runtime.files.units import split_name, states_no_unit, unit_from_text
 
 SPACES = " "  # any number of them, tried where none of the others separates more
+# in quotes between commas: a point that is a comma, unless three digits follow, which may be thousands
+QUOTED_COMMA = re.compile(r"[+-]?\d+,(?:\d{1,2}|\d{4,})(?:[eE][+-]?\d+)?")
+# what programs write into a cell that has no reading; pandas leaves it empty, spreadsheets have words for it
+NO_READING = ("", "na", "n/a", "#n/a", "#nv", "null", "none", "-", "--", "---", "n. def.", "n.def.", "<na>")
 END_MARKS = ("EOF", "//END")
 
 
@@ -64,6 +70,12 @@ def number_from(cell: str, decimal_comma: bool) -> float | None:
         return None
 
 
+def reading_from(cell: str, decimal_comma: bool) -> float | None:
+    """Return the number a cell holds, NaN where it says that there is none, None for any other text."""
+    number = number_from(cell, decimal_comma)
+    return nan if number is None and cell.lower() in NO_READING else number
+
+
 @dataclass(frozen=True)
 class Head:
     """The first lines of a file, split one way; `first` is the place of the first line of samples."""
@@ -87,12 +99,17 @@ def heads(path: Path, encoding: str) -> Iterator[Head]:
     found = []
     for separator in (*SEPARATORS, SPACES):
         lines = tuple((number, tuple(cells_of(line, separator))) for number, line in lines_above)
-        for comma in (False, True) if separator != "," else (False,):
+        for comma in (False, True) if separator != "," or _quoted_commas(lines) else (False,):
             first = _first_samples(lines, comma)
             if first is not None:
                 found.append(Head(path, encoding, separator, comma, lines, first))
     # a decimal comma read as a point would make text of most cells: the earliest and widest table is meant
     yield from sorted(found, key=lambda head: (-head.width, head.first, head.decimal_comma))
+
+
+def _quoted_commas(lines: Sequence[tuple[int, tuple[str, ...]]]) -> bool:
+    """Return whether cells between commas hold numbers with a decimal comma, and not thousands."""
+    return any(QUOTED_COMMA.fullmatch(cell) for _, cells in lines for cell in cells if "," in cell)
 
 
 def sniff(head: Head) -> Layout | None:
@@ -209,7 +226,8 @@ def _is_samples(cells: Sequence[str], comma: bool) -> bool:
     """Return whether a line holds numbers, days and times only."""
     filled = [cell for cell in cells if cell]
     text = [cell for cell in filled if number_from(cell, comma) is None]
-    return len(text) < len(filled) and all(is_date(cell) or nanoseconds(cell) is not None for cell in text)
+    words = [cell for cell in text if reading_from(cell, comma) is None]
+    return len(text) < len(filled) and all(is_date(cell) or nanoseconds(cell) is not None for cell in words)
 
 
 def _names_place(head: Head) -> int | None:

@@ -1,6 +1,8 @@
-"""Times as text (ISO 8601, or with a day first and dots, as in German) -> whole nanoseconds.
+"""Times as text (ISO 8601, with a day first and dots, as in German, or with slashes) -> whole nanoseconds.
 
-"2022-05-02T15:56:24.0005", "2022-05-02 15:56:24,0005+02:00", "02.05.2022 15:56:24.0005", "15:56:24.0005".
+"2022-05-02T15:56:24.0005", "2022-05-02 15:56:24,0005+02:00", "02.05.2022 15:56:24.0005", "15:56:24.0005",
+"05/02/2022 03:56:24.0005 PM". Of two numbers between slashes the first is the month beside AM or PM, else the
+day. A clock that states no day goes on after midnight.
 Counts that are too long for a double, "132959733843760000", are counted from the first as well.
 """
 
@@ -15,11 +17,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-_DATE = r"(?:(?P<year>\d{4})[-/](?P<month>\d\d?)[-/](?P<day>\d\d?)|(?P<D>\d\d?)\.(?P<M>\d\d?)\.(?P<Y>\d{4}))"
+_DATE = (
+    r"(?:(?P<year>\d{4})[-/](?P<month>\d\d?)[-/](?P<day>\d\d?)|(?P<D>\d\d?)\.(?P<M>\d\d?)\.(?P<Y>\d{4})"
+    r"|(?P<one>\d\d?)/(?P<other>\d\d?)/(?P<Y4>\d{4}))"
+)
 _CLOCK = r"(?P<hour>\d\d?):(?P<minute>\d\d)"
 _TO_THE_MINUTE = re.compile(rf"(?:{_DATE}[T ]\s*)?{_CLOCK}")
-_STAMP = re.compile(r"([\d.T/ -]{0,12}\d\d?:\d\d):(\d\d)(?:[.,](\d{1,12}))?\s*(Z|[+-]\d\d(?::?\d\d)?)?")
+_STAMP = re.compile(
+    r"([\d.T/ -]{0,12}\d\d?:\d\d):(\d\d)(?:[.,](\d{1,12}))?\s*([APap][Mm])?\s*(Z|[+-]\d\d(?::?\d\d)?)?"
+)
 _DAY_ALONE = re.compile(_DATE)
+_CLOCK_ALONE = re.compile(_CLOCK + ":")
+_DAY_NS = 86_400 * 10**9
 MOST_DIGITS = 15  # which a double holds
 LONGEST_COUNT = 30  # digits; what is longer counts no time
 _FIRST_DAY = datetime(1970, 1, 1, tzinfo=UTC)
@@ -30,8 +39,8 @@ def nanoseconds(cell: str) -> int | None:
     match = _STAMP.fullmatch(cell)
     if match is None:
         return None
-    to_the_minute, seconds, fraction, offset = match.groups()
-    minute = _minute(to_the_minute)  # remembered: a record has few minutes and many samples
+    to_the_minute, seconds, fraction, half, offset = match.groups()
+    minute = _minute(to_the_minute, half and half.upper())  # remembered: there are few
     if minute is None:
         return None
     return (minute + int(seconds) - _offset_s(offset or "Z")) * 10**9 + int(
@@ -53,12 +62,15 @@ def time_since(first: str) -> Callable[[str], float]:
     """Return what turns a cell into s (of a long count: counts) since `first`; it raises ValueError."""
     start = int(first) if is_long_count(first) else nanoseconds(first)
     per_unit = 1.0 if is_long_count(first) else 1e9
+    without_day = _CLOCK_ALONE.match(first) is not None
 
     def time(cell: str) -> float:
         text = cell.strip().strip('"')
         found = int(text) if is_long_count(text) else nanoseconds(text)
         if found is None or start is None:
             raise ValueError(cell)
+        if without_day and found < start - _DAY_NS // 2:
+            found += _DAY_NS
         return (found - start) / per_unit
 
     return time
@@ -78,24 +90,30 @@ def elapsed_s(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 @lru_cache(maxsize=1024)
-def _minute(text: str) -> int | None:
-    """Return s since 1970, or since midnight where no date stands before the time."""
+def _minute(text: str, half: str | None) -> int | None:
+    """Return s since 1970, or since midnight where no date stands before the time; `half` is AM or PM."""
     match = _TO_THE_MINUTE.fullmatch(text)
     if match is None:
         return None
     part = match.groupdict()
+    slashed = ("one", "other") if half else ("other", "one")
     year, month, day = (
-        part[iso] or part[dotted] for iso, dotted in (("year", "Y"), ("month", "M"), ("day", "D"))
-    )
-    try:
-        when = datetime(
-            int(year or 1970),
-            int(month or 1),
-            int(day or 1),
-            int(part["hour"]),
-            int(part["minute"]),
-            tzinfo=UTC,
+        int(next((part[name] for name in names if part[name]), default))
+        for *names, default in (
+            ("year", "Y", "Y4", 1970),
+            ("month", "M", slashed[0], 1),
+            ("day", "D", slashed[1], 1),
         )
+    )
+    hour = int(part["hour"])
+    if half:
+        if not 1 <= hour <= 12:
+            return None
+        hour = hour % 12 + (12 if half == "PM" else 0)
+    if month > 12 and part["Y4"]:
+        month, day = day, month
+    try:
+        when = datetime(year, month, day, hour, int(part["minute"]), tzinfo=UTC)
     except ValueError:
         return None
     return (when - _FIRST_DAY) // timedelta(seconds=1)

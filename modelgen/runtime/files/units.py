@@ -69,6 +69,7 @@ _NAMES: dict[_Quantity, dict[str, float]] = {
         **dict.fromkeys(("second", "seconds", "sekunden", "sek"), 1.0),
         **dict.fromkeys(("millisecond", "milliseconds"), 1e-3),
         **{"microseconds": 1e-6, "min": 60.0, "minutes": 60.0, "h": 3600.0},
+        **dict.fromkeys(("day", "days", "Tag", "Tage"), 86_400.0),
     },
     _SPEED: {**dict.fromkeys(("1/min", "min^-1", "min-1", "upm"), _REVOLUTION / 60.0), "dps": _DEGREE},
     (0, 1, 0, -1, ""): {"ms^-1": 1.0, "ms-1": 1.0},

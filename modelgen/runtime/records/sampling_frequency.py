@@ -9,15 +9,28 @@ from modelgen.errors import DataError
 from modelgen.magnitudes import FREQUENCY_REMEDY, is_frequency, shown_number
 from modelgen.runtime.files.units import Unit, unit_from_text
 from modelgen.runtime.records.faults import time_faults
-from modelgen.runtime.records.thresholds import AGREEMENT, LONGEST_STEP, UNIFORM, UNLIKELY_STEP
+from modelgen.runtime.records.thresholds import (
+    AGREEMENT,
+    LONGEST_STEP,
+    SHORT_OF_A_DAY,
+    SPREADSHEET_DAYS,
+    UNIFORM,
+    UNLIKELY_STEP,
+)
 
 # What sets each kind of fault of the times right, in the order in which it is done.
 MENDS = {"duplicates": "duplicates", "gaps": "gaps (or fill)", "uneven": "uneven"}
 UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # of times: how many are a second
+PER_SECOND = {**UNITS, "days": 1.0 / 86_400.0}
 
 
-def likely_unit(step: float) -> str:
-    """Return the coarsest unit in which a step of times, in that unit, is one between samples of a motion."""
+def likely_unit(step: float, first: float = 0.0) -> str:
+    """Return the coarsest unit in which a step of times, in that unit, is one between samples of a motion.
+
+    Times that begin at `first`, in their unit, as the dates of spreadsheets do, are days.
+    """
+    if SPREADSHEET_DAYS[0] < first < SPREADSHEET_DAYS[1] and 0.0 < step < SHORT_OF_A_DAY:
+        return "days"
     return next((name for name, count in UNITS.items() if 0.0 < step / count < LONGEST_STEP), "s")
 
 
@@ -33,7 +46,7 @@ def unit_of_times(given: str | None, stated: str) -> Unit | None:
     if unit is not None and unit.si == "s":
         return unit
     if given:
-        raise DataError.at("--time-unit", f"{given!r} is no unit of time", "give s, ms, us or ns")
+        raise DataError.at("--time-unit", f"{given!r} is no unit of time", "give s, ms, us, ns or days")
     return None
 
 
@@ -81,8 +94,8 @@ def sampling_frequency(
             what = f"steps by {1.0 / measured:.6g}, in seconds a sampling frequency of {measured:.6g} Hz"
             remedy = "give fs in Hz if the times are not in seconds, or their unit (--time-unit "
             raise DataError.at(where, what, f"{remedy}{likely_unit(1.0 / measured)})")
-        if not in_seconds and measured * UNLIKELY_STEP < 1.0:
-            unit = likely_unit(1.0 / measured)
+        unit = likely_unit(1.0 / measured, float(times[0]))
+        if not in_seconds and (measured * UNLIKELY_STEP < 1.0 or unit == "days"):
             what = f"states no unit, and steps by {1.0 / measured:.6g}, as times in {unit} do"
             raise DataError.at(
                 where, what, f"give their unit (--time-unit {unit}, or s if they are in seconds)"

@@ -56,6 +56,8 @@ ROUGH_ORDER, SLOPE_SAMPLES, CERTAIN_SCATTER = 4, 7, 5.0
 LONGEST_STEP = 0.05  # s: the motion of a machine is sampled faster
 # s: longer steps are of times in ms that do not say so; large machines may be read as seldom as this
 UNLIKELY_STEP = 0.11
+# Spreadsheets count days since 1900: of these years (1954 to 2119), and steps shorter than this, 0.09 s.
+SPREADSHEET_DAYS, SHORT_OF_A_DAY = (2e4, 8e4), 1e-6
 AGREEMENT = 1e-3  # relative: how far a stated frequency may be from the one of the times
 
 # So many whole periods at least, for a spread.

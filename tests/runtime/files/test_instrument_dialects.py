@@ -256,5 +256,5 @@ def test_a_mistake_below_a_line_of_units_is_located(tmp_path: Path) -> None:
 def test_the_unit_of_times_may_be_given(tmp_path: Path) -> None:
     path = save(tmp_path, "a.csv", ["t,q", "0,0", "500,1", "1000,2"])
     assert read_record(path, time_unit="us").fs == FS_HZ
-    with pytest.raises(DataError, match="'kg' is no unit of time; give s, ms, us or ns"):
+    with pytest.raises(DataError, match="'kg' is no unit of time; give s, ms, us, ns or days"):
         read_record(path, time_unit="kg")

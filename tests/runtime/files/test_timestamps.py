@@ -30,6 +30,9 @@ WAYS: dict[str, tuple[str, Callable[[datetime], str]]] = {
     "nanoseconds": (",", lambda t: t.strftime("%Y-%m-%d %H:%M:%S.%f000")),
     "quoted": (",", lambda t: t.strftime('"%Y-%m-%d %H:%M:%S.%f"')),
     "time of day": (",", lambda t: t.strftime("%H:%M:%S.%f")),
+    "AM and PM": (",", lambda t: t.strftime("%m/%d/%Y %I:%M:%S.%f %p")),
+    "small pm": (",", lambda t: t.strftime("%I:%M:%S.%f %p").lower()),
+    "slashes, day first": (";", lambda t: t.strftime("%d/%m/%Y %H:%M:%S,%f")),
 }
 
 
@@ -51,6 +54,24 @@ def test_stamps_become_seconds(tmp_path: Path, way: str) -> None:
     np.testing.assert_allclose(reading.record.signals["q_m"], READINGS, atol=1e-9)
     assert reading.findings == ()
     assert any("Timestamp holds time stamps, counted from" in sentence for sentence in reading.took)
+
+
+@pytest.mark.parametrize("way", ["time of day", "AM and PM", "small pm", "slashes, day first", "day first"])
+def test_a_clock_goes_on_after_midnight_and_noon(tmp_path: Path, way: str) -> None:
+    separator, text = WAYS[way]
+    for hours in (4, 8, 20):
+        late = [text(moment + timedelta(hours=hours)) for moment in MOMENTS]
+        reading = read(table(tmp_path, separator, late))
+        assert (reading.record.fs, reading.record.n, reading.findings) == (1e6 / STEP_US, N, ())
+
+
+def test_of_numbers_between_slashes_one_is_the_month() -> None:
+    for cell in ("05/03/2024 14:00:00", "03/05/2024 02:00:00 PM", "5/3/2024 14:00:00"):
+        assert nanoseconds(cell) == nanoseconds("2024-03-05T14:00:00")
+    for cell in ("03/25/2024 14:00:00", "25/03/2024 02:00:00 PM"):  # only one of them can be
+        assert nanoseconds(cell) == nanoseconds("2024-03-25T14:00:00")
+    assert nanoseconds("05/03/2024 13:00:00 PM") is None
+    assert is_date("05/03/2024")
 
 
 def test_a_column_of_stamps_is_the_clock_whatever_its_name(tmp_path: Path) -> None:
@@ -84,7 +105,7 @@ def test_a_stamp_that_is_none_is_located(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "12:30", "1.5", "2022-13-01 10:00:00", "2022-05-02", "10:00:00 PM", "1:2:3", "١٢:٠٠"]
+    "text", ["", "12:30", "1.5", "2022-13-01 10:00:00", "2022-05-02", "13:00:00 PM", "1:2:3", "١٢:٠٠"]
 )
 def test_what_is_no_time_is_none(text: str) -> None:
     assert nanoseconds(text) is None

@@ -101,7 +101,7 @@ def test_columns_that_nobody_asked_for_may_hold_anything(tmp_path: Path) -> None
         ("t,q_m,\n0,1,\n", "line 1: column 3 has no name"),
         ("# x\nt,q_m,q_m\n0,1,2\n", "line 2: two columns are named q_m"),
         ("t,q_m\n0.0,1\n\n0.1,one\n", "line 4, column q_m: is 'one', no number"),
-        ("t,q_m\n0.0,1\n0.1,\n", "line 3, column q_m: is empty"),
+        ("t,q_m\n0.0,1\n0.1,\n", "run.csv: column q_m, sample 1: is nan"),
         ("t,q_m\n0.0,1\n[s],[rad]\n", "line 3, column q_m: is '[rad]', no number"),
         ("t,q_m\n0.0,1\n0.1,2,3\n", "line 3: has 3 cells, the header has 2"),
         ("t,q_m\n0,0,1,5\n0,1,2,5\n", "line 2: has 4 cells, the header has 2"),
