@@ -18,8 +18,13 @@ from modelgen.runtime.records.thresholds import LEAST_SCORE, STILL
 # words in the names of columns, in the languages of the instruments seen so far
 QUANTITIES = {
     "position": ("pos", "position", "angle", "theta", "phi", "q", "x", "enc", "encoder", "winkel", "lage"),
-    "velocity": ("vel", "velo", "velocity", "speed", "omega", "w", "v", "rpm", "drehzahl", "geschw"),
-    "acceleration": ("acc", "accel", "acceleration", "a", "beschl", "beschleunigung"),
+    "velocity": (
+        *("vel", "velo", "velocity", "speed", "omega", "w", "v", "rpm"),
+        *("drehzahl", "geschw", "geschwindigkeit", "winkelgeschwindigkeit"),
+    ),
+    "acceleration": (
+        *("acc", "accel", "acceleration", "a", "beschl", "beschleunigung", "winkelbeschleunigung"),
+    ),
     "force": (
         *("torque", "trq", "force", "effort", "gamma", "tau", "f", "i", "iq", "current"),
         *("drehmoment", "moment", "kraft", "strom"),
@@ -49,6 +54,11 @@ FEEDFORWARD = "feedforward"
 INPUTS = (*REFERENCES, FEEDFORWARD)
 KNOWN_WORDS = {word for words in (*QUANTITIES.values(), *BODIES.values()) for word in words}
 KNOWN_WORDS |= {*SET_POINT_WORDS, *MEASURED_WORDS, *FEEDFORWARD_WORDS}
+# what a compound may end with, the longest first; shorter words end others by chance: "anlage" is no position
+LAST_PARTS = sorted(
+    {w for words in (*QUANTITIES.values(), SET_POINT_WORDS, MEASURED_WORDS) for w in words if len(w) > 4},
+    key=lambda word: (-len(word), word),
+)
 
 
 @dataclass(frozen=True)
@@ -218,6 +228,15 @@ def _parts(word: str) -> list[str]:
     for end in (*SET_POINT_WORDS, *MEASURED_WORDS):
         if len(end) > 2 and word.endswith(end) and len(word) - len(end) <= 2:
             return [word.removesuffix(end), end]
+    # "motorlage", "loadpos"
+    for k in range(3, len(word) - 2):
+        if word[:k] in KNOWN_WORDS and word[k:] in KNOWN_WORDS:
+            return [word[:k], word[k:]]
+    # "istdrehmoment", "antriebsmoment", "motorlageistwert"
+    end = next((end for end in LAST_PARTS if word.endswith(end)), None)
+    if end is not None:
+        rest = word.removesuffix(end)
+        return [*_parts(rest if rest in KNOWN_WORDS else rest.removesuffix("s")), end]
     return list(word) if len(word) == 2 else [word]
 
 

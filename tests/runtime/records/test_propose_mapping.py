@@ -141,3 +141,17 @@ def test_what_never_changes_gives_way_to_what_does() -> None:
     assert {found["q_m"], found["q_c"]} == {"/joints.position[elbow]", "/second.angle"}
     found = {entry.key: entry.column for entry in propose(source, QC)}
     assert "/second.angle" not in found.values()
+
+
+@pytest.mark.parametrize(
+    ("columns", "units"),
+    [
+        (("Motorlageistwert", "Lastposition", "Motorstrom"), {"Motorstrom": "A"}),
+        (("Motorwinkel", "Lastwinkel", "Istdrehmoment"), {"Istdrehmoment": "Nm"}),
+        (("motorangle", "loadangle", "motortorque"), {}),
+    ],
+)
+def test_compounds_are_taken_apart(columns: tuple[str, ...], units: dict[str, str]) -> None:
+    others = ("Zeit", "Anlage", "Motordrehzahl", "Lastbeschleunigung", "Drehzahlsollwert")
+    found = proposed(QC, (*others, *columns), units)
+    assert tuple(found[key] for key in ("q_m", "q_c", "Gamma_m")) == columns
