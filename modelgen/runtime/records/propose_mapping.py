@@ -233,10 +233,10 @@ def _parts(word: str) -> list[str]:
         if word[:k] in KNOWN_WORDS and word[k:] in KNOWN_WORDS:
             return [word[:k], word[k:]]
     # "istdrehmoment", "antriebsmoment", "motorlageistwert"
-    end = next((end for end in LAST_PARTS if word.endswith(end)), None)
-    if end is not None:
-        rest = word.removesuffix(end)
-        return [*_parts(rest if rest in KNOWN_WORDS else rest.removesuffix("s")), end]
+    last = next((part for part in LAST_PARTS if word.endswith(part)), None)
+    if last is not None:
+        rest = word.removesuffix(last)
+        return [*_parts(rest if rest in KNOWN_WORDS else rest.removesuffix("s")), last]
     return list(word) if len(word) == 2 else [word]
 
 
