@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.diagnostics.row_noise import row_noise
@@ -25,6 +26,8 @@ from modelgen.runtime.diagnostics.thresholds import (
     LEAST_SIGNAL,
     LOST_PART,
     LOST_SHARE,
+    MOST_SHARES,
+    SAME_SHARE,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import noise_band
@@ -77,44 +80,79 @@ def less_noise(
     Its estimate and (W^T W - N)^-1, which its covariance follows from (Fuller 1987, ch. 2), stand in place of
     those of least squares; residuals stay, to first order they are the same. What is biased infinitely stays
     where it is. No row has more noise than it leaves: jumps of friction look like noise in forces' spectra.
+    What it leaves is that of the estimate without bias: the bias is what makes residuals smallest.
     """
-    effect = noise_effect(model, records, choice, fit, seen=True)
-    x = fit.solution.x - np.where(np.isfinite(effect.bias), effect.bias, 0.0)
-    return replace(fit, solution=replace(fit.solution, x=x, inverse=effect.inverse)), effect
+    every = [_of_row(model, records, choice, fit, index) for index in range(len(fit.blocks))]
+    shares, freed = np.zeros(len(every)), fit
+    for _ in range(MOST_SHARES):
+        before = shares
+        shares = np.array([_left(model, records, choice, freed, index) for index in range(len(every))])
+        effect = _summed(fit, every, shares)
+        x = fit.solution.x - np.where(np.isfinite(effect.bias), effect.bias, 0.0)
+        freed = replace(fit, solution=replace(fit.solution, x=x, inverse=effect.inverse))
+        if np.max(np.abs(shares - before), initial=0.0) < SAME_SHARE:
+            break
+    return freed, effect
 
 
-def noise_effect(
-    model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit, seen: bool = False
-) -> NoiseEffect:
-    """Return what noise of the sensors does to a fit; `seen`: no more of it than each row leaves."""
-    c = len(fit.columns)
+def noise_effect(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit) -> NoiseEffect:
+    """Return what noise of the sensors does to a fit, as large as their spectra say."""
+    shares = np.ones(len(fit.blocks))
+    for index, block in enumerate(fit.blocks):
+        # forces that are left open take noise below the cut-off with them
+        band = min(1.0, 2.0 * choice.cutoff_hz * choice.decimation[block.record] / records[block.record].fs)
+        shares[index] = max(0.0, 1.0 - block.opened / (band * block.count))
+    every = [_of_row(model, records, choice, fit, index) for index in range(len(fit.blocks))]
+    return _summed(fit, every, shares)
+
+
+class _RowNoise(NamedTuple):
+    """What noise adds to W^T W, (k, k), and to W^T (Y - W X), (c,): the former of columns at some places."""
+
+    at: IntArray
+    added: FloatArray
+    crossed: FloatArray
+
+
+def _of_row(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit, index: int) -> _RowNoise:
+    """Return what all noise of the sensors adds to the products of a weighted block."""
+    block, c = fit.blocks[index], len(fit.columns)
+    record, size = records[block.record], fit.weights[index] ** 2
     # instruments keep what drives report from biasing the columns of their gains
     free = {one.key for one in model.actuators} if fit.projected is not None else set()
-    added, crossed = np.zeros((c, c)), np.zeros(c)
     place = np.full(len(model.base_parameters), -1)
     place[[model.base_parameters.index(name) for name in fit.columns]] = np.arange(c)
-    x = fit.all_parameters(model.base_parameters) if seen else np.zeros(0)
-    for index, (block, weight) in enumerate(zip(fit.blocks, fit.weights, strict=True)):
-        record, factor = records[block.record], choice.decimation[block.record]
-        ways = noise_ways(model, record, choice, factor)[block.row]
-        if seen:
-            expected = row_noise(model, record, choice, factor, block.row, x)
-            most = min(1.0, (fit.rms(index) / expected) ** 2) if expected else 0.0
-        else:
-            # forces that are left open take noise below the cut-off with them
-            band = min(1.0, 2.0 * choice.cutoff_hz * factor / record.fs)
-            most = max(0.0, 1.0 - block.opened / (band * block.count))
-        own = np.flatnonzero(place[ways.columns] >= 0)
-        at = place[ways.columns[own]]
-        for channel in ways.slopes:
-            if channel in free:
-                continue
-            noise = most * weight**2 * block.count * record.facts.spectrum(channel).noise
-            shared = ways.products(channel, noise_band(record, choice))
-            added[np.ix_(at, at)] += noise * shared[np.ix_(own, own)]
-            crossed[at] += noise * shared[own, -1]
-        lifted = ways.of_residual(fit.all_parameters(model.base_parameters)).means[0]
-        crossed += most * weight**2 * _along_columns(block, ways.at, lifted, c)
+    ways = noise_ways(model, record, choice, choice.decimation[block.record])[block.row]
+    own = np.flatnonzero(place[ways.columns] >= 0)
+    at, crossed = place[ways.columns[own]], np.zeros(c)
+    added = np.zeros((len(at), len(at)))
+    for channel in ways.slopes:
+        if channel in free:
+            continue
+        noise = size * block.count * record.facts.spectrum(channel).noise
+        shared = ways.products(channel, noise_band(record, choice))
+        added += noise * shared[np.ix_(own, own)]
+        crossed[at] += noise * shared[own, -1]
+    lifted = ways.of_residual(fit.all_parameters(model.base_parameters)).means[0]
+    return _RowNoise(at, added, crossed + size * _along_columns(block, ways.at, lifted, c))
+
+
+def _left(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit, index: int) -> float:
+    """Return what share of the noise that sensors give a block's Y - W X the block leaves, at most all."""
+    block = fit.blocks[index]
+    record, factor = records[block.record], choice.decimation[block.record]
+    x = fit.all_parameters(model.base_parameters)
+    expected = row_noise(model, record, choice, factor, block.row, x) ** 2 * block.count
+    return min(1.0, block.summary.residual_norm(fit.solution.x) ** 2 / expected) if expected else 0.0
+
+
+def _summed(fit: Fit, every: Sequence[_RowNoise], shares: FloatArray) -> NoiseEffect:
+    """Return what so much of the noise of every row does to the solution; shares, shape (blocks,)."""
+    c = len(fit.columns)
+    added, crossed = np.zeros((c, c)), np.zeros(c)
+    for one, share in zip(every, shares.tolist(), strict=True):
+        added[np.ix_(one.at, one.at)] += share * one.added
+        crossed += share * one.crossed
     return _without_noise(fit, added, crossed)
 
 

@@ -34,6 +34,9 @@ LEAST_BIAS, LEAST_DEVIATIONS = 0.01, 2.0
 # Where less than this share of a combination of columns is no noise, the bias by it is unknown; a
 # parameter is lost that has more than this part of its variance from there.
 LEAST_SIGNAL, LOST_PART = 0.1, 0.01
+# What share of the noise a row leaves is looked at again with what that moves, so often at most, until it
+# changes by less than this: by then biases change by less than is kept of them in the intervals.
+MOST_SHARES, SAME_SHARE = 10, 0.01
 # A parameter with a bias of more than this share of what is left of it is lost, where more than so many
 # standard deviations of it are still in the estimate: with half a one, 92 % of 95 % intervals hold.
 LOST_SHARE, HARMLESS_BIAS = 1.0, 0.5

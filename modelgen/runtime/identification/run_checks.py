@@ -52,7 +52,7 @@ from modelgen.runtime.identification.refusals import dependent_columns
 from modelgen.runtime.identification.solution import Solution, on_unseen
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import CALM, LEFT_BIAS
+from modelgen.runtime.identification.thresholds import CALM
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
@@ -112,7 +112,7 @@ def _compared(task: Task, solution: Solution, again: Callable[[FilterChoice], Fi
         periods = period_spread(fit, records, choice.decimation, task.period_s())
     bias = bias_left = _bias(task, solution.as_measured) if checks.drift_check else None
     if solution.bias is not None:
-        bias, bias_left = solution.bias, LEFT_BIAS * solution.bias
+        bias, bias_left = solution.bias, solution.bias_left
     held, changing = on_unseen(task, solution), _changing(task, solution)
     asymmetric = _asymmetric(task, solution)
     return Extras(periods, held, scan, solution.cost, bias, bias_left, changing, asymmetric, residuals)

@@ -21,7 +21,7 @@ from modelgen.runtime.diagnostics.cutoff_agreement import (
 )
 from modelgen.runtime.diagnostics.hold_out import HeldOut, held_out, little_left
 from modelgen.runtime.diagnostics.motion_checks import clipped_forces
-from modelgen.runtime.diagnostics.noise_bias import less_noise
+from modelgen.runtime.diagnostics.noise_bias import less_noise, takes_instruments
 from modelgen.runtime.diagnostics.samples.suspicious_samples import told_on_failure
 from modelgen.runtime.diagnostics.settings_drift import (
     Attempts,
@@ -40,7 +40,7 @@ from modelgen.runtime.identification.methods import IV, WLS, Auto
 from modelgen.runtime.identification.refusals import all_refused, refusals
 from modelgen.runtime.identification.robust_and_bounded import Treatment, treat, unweighted
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import FIRST_ORDER
+from modelgen.runtime.identification.thresholds import FIRST_ORDER, LEFT_BIAS
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import solve_matched
@@ -76,8 +76,9 @@ class Solution:
         What was done, for doing it again.
     drift : array, shape (c, c)
         Mean square of what effects would move that the residual shows and that were not estimated.
-    bias : array, shape (c,), optional
-        What noise of the sensors gives least squares, where it was taken off the fits.
+    bias, bias_left : array, shape (c,), optional
+        What noise of the sensors gives least squares, where it was taken off the fits, and how much of it may
+        be left: the share of noise in the columns is that of the second order in the first.
     driven : bool
         Whether what noise of the forces does to instruments is taken off fits where it matters.
     """
@@ -94,6 +95,7 @@ class Solution:
     job: Job
     drift: FloatArray
     bias: FloatArray | None = None
+    bias_left: FloatArray | None = None
     driven: bool = False
 
     @property
@@ -114,7 +116,10 @@ class Solution:
         job = replace(self.job, records=self.moved, late=(), choice=other, start=start, surveys=surveys)
         fit = task.method.run(job)[1]
         if self.bias is not None:
-            fit, _ = less_noise(job.model, job.records, other, fit)
+            fit, effect = less_noise(job.model, job.records, other, fit)
+            if effect.most >= FIRST_ORDER:
+                what = f"are {100.0 * effect.most:.0f} % noise along a combination"
+                raise IdentifiabilityError.at("columns", what, "use a lower cut-off")
         if self.driven:
             from modelgen.runtime.identification.explanation.less_driven import less_driven
 
@@ -162,16 +167,16 @@ def fitted(task: Task) -> tuple[Task, Solution]:
         told = with_impossible_signs(model, told, refused)
     said, notes = noted(told.advice)
     plain = replace(plain, notes=plain.notes + notes)
-    bias, driven, drift = None, False, told.drift
+    bias, bias_left, driven, drift = None, None, False, told.drift
     if isinstance(method, IV):  # least squares does not load what simulates
         from modelgen.runtime.identification.explanation.less_driven import less_driven
 
         plain, left, notes = less_driven(job, method, plain, known=start.driven)
         plain, drift, driven = replace(plain, notes=plain.notes + notes), drift + left, bool(notes)
-    if _bias_counts(task):
+    if _bias_counts(task, by_default):
         freed, effect = less_noise(model, job.records, job.choice, plain)
         if effect.most < FIRST_ORDER:
-            plain, bias = freed, effect.bias
+            plain, bias, bias_left = freed, effect.bias, max(LEFT_BIAS, effect.most) * effect.bias
     fit, treatment, cost = treat(plain, model, method.robust, method.bounds)
     kept = [plain.columns.index(name) for name in fit.columns]
     return task, Solution(
@@ -187,18 +192,21 @@ def fitted(task: Task) -> tuple[Task, Solution]:
         treatment.job(job),
         drift[np.ix_(kept, kept)],
         bias,
+        bias_left,
         driven,
     )
 
 
-def _bias_counts(task: Task) -> bool:
-    """Tell whether least squares are of rows that hold positions which springs give, and plain.
+def _bias_counts(task: Task, by_default: bool) -> bool:
+    """Tell whether least squares are plain, and of an arm of which no simulation makes instruments.
 
-    Readings are differentiated up to six times there, and no simulation makes instruments.
+    Who asks for least squares gets them; but of rows that hold positions which springs give. Readings are
+    differentiated up to six times there.
     """
-    method = task.method
+    method, model = task.method, task.model
     plain = isinstance(method, WLS) and method.robust is None and method.bounds is None
-    return plain and isinstance(task.model.kernel, DeflectedKernel)
+    asked = isinstance(model.kernel, DeflectedKernel) or by_default
+    return plain and asked and model.is_arm and not takes_instruments(model)
 
 
 def _run(task: Task) -> Begun:

@@ -123,8 +123,9 @@ LEFT_BIAS = 0.1
 # out to the next share, in simulations with up to an eighth, and of friction to half where rows use samples
 # near reversals.
 MOST_DRIVEN, LEFT_DRIVEN, LEFT_TURNING = 0.25, 0.05, 0.5
-# Where noise is more of a direction of the columns, its second order counts, and no bias is taken off.
-FIRST_ORDER = 0.1
+# Where noise is more of a direction of the columns, what it does is not known to a third, and no bias is
+# taken off; below, that share of a bias may be left.
+FIRST_ORDER = 1.0 / 3.0
 # A row without a force may leave this share of its largest term; more where it did so at first.
 LOAD_ROW_LEFT = 0.5
 # Digits a parameter by which another cut-off has to be better, and by which it may be worse than the best.

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.diagnostics.noise_bias import noise_effect
+from modelgen.runtime.diagnostics.noise_bias import less_noise
 from modelgen.runtime.identification.elastic.channel_errors import set_right, tried_size
 from modelgen.runtime.identification.elastic.link_forces import LinkForce, LinksInMotion
 from modelgen.runtime.identification.elastic.row_forces import RowForce, force_rows
@@ -72,7 +72,7 @@ class EffectRows:
     @cached_property
     def _pull(self) -> dict[str, float]:
         plain, job = self.solved(()), self.job
-        bias = noise_effect(job.model, job.records, job.choice, plain, seen=True).bias
+        bias = less_noise(job.model, job.records, job.choice, plain)[1].bias
         R = plain.triangle[:-1, :-1]
         pull = R.T @ (R @ np.where(np.isfinite(bias), bias, 0.0))
         return dict(zip(plain.columns, pull.tolist(), strict=True))

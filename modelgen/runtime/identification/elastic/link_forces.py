@@ -57,9 +57,11 @@ class LinksInMotion:
             return found
         forces = effect.needed(self._links, self.motion)
         for joint, force in zip(joints, forces, strict=True):
-            row = f"{joint} link" if f"{joint} link" in names else joint
+            row = f"{joint} link"
+            if row not in names:
+                row, force = joint, self._with_motor(joint, force)
             if row in names:
-                found[names.index(row)] = passed(self.rows, self.record, self._with_motor(joint, force))
+                found[names.index(row)] = passed(self.rows, self.record, force)
         return found
 
     @cached_property
@@ -92,7 +94,8 @@ class LinksInMotion:
     def _with_motor(self, joint: str, force: FloatArray) -> FloatArray:
         """Return a force of a link, shape (N,), with what the motor needs as it deflects the spring.
 
-        That of a motor which no sensor sees is where the link's forces put it.
+        That of a motor which no sensor sees is where the link's forces put it, unless these have a row of
+        their own: they are measured then, and so is what deflects the spring.
         """
         given = getattr(self.model.module, "ESTIMATED", {})
         if f"{joint} driven" not in given.values():

@@ -88,6 +88,9 @@ def test_a_channel_that_is_off_is_named_and_set_right(case: str) -> None:
     model, read, truth = made()
     motor, link = "motor_position_1", "link_position_1"
     channel = {"late": "tau_1", "held": "tau_1", "early": link, "zero": motor, "gear": motor}[case]
+    if case == "held":
+        # the mean of a command over a sample is the force: it has more of what bends than the force
+        read |= {channel: read[channel] - np.gradient(np.gradient(exact()[1][channel])) / 24.0}
     if case in OFF:
         moved = shift(channel, -OFF[case]).whole(read[channel])
     elif case == "zero":

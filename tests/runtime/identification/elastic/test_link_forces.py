@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 
@@ -13,11 +14,13 @@ from modelgen.render.arms.arm_writer import arm_module
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.elastic.channel_errors import SetRight
 from modelgen.runtime.identification.elastic.link_forces import LinksInMotion, link_forces
+from modelgen.runtime.model.arm_functions import base_factors
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.rows.derived_channels import with_derived
 from modelgen.runtime.rows.record_rows import unmasked_rows
+from modelgen.runtime.rows.row_terms import mismatch_terms
 from modelgen.spec.arms.arm import ArmSpec
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import arm_base_model
@@ -113,6 +116,39 @@ def test_links_that_no_sensor_sees_move_where_springs_put_them() -> None:
         for place, joint in enumerate(("1", "2")):
             true = motion[joint, order][inside]
             assert np.std(found[order, place, inside] - true) < share * np.std(true)
+
+
+def test_motors_do_not_feel_links_through_springs_whose_torques_are_measured() -> None:
+    # link encoders and joint torques: motors are where readings put them, whatever links need
+    def measured(rows: Sequence[tuple[object, ...]]) -> ArmSpec:
+        ways = (("link", "position"), ("between", "torque"))
+        sensors = ((joint, *way) for way in ways for joint in ("1", "2"))
+        return with_sensors(elastic(serial(rows, drive=True)), *sensors)
+
+    file = measured(PLANAR)
+    there = measured([PLANAR[0], (0, Fraction("0.505"), 0, 0)])
+    values, model = values_of(file, np.random.default_rng(3)), model_of(file)
+    point = model.base_from_physical({name: values[name] for name in model.parameters})
+    # the smallest links that give these base parameters: what others need besides is a sum of columns
+    factors, known = base_factors(model.base_from_physical, model.parameters)
+    smallest = np.linalg.lstsq(factors, point - known, rcond=None)[0]
+    values |= dict(zip(model.parameters, smallest.tolist(), strict=True))
+    times = np.arange(0.0, 4.0, 1.0 / FS)
+    motion, forces = exact_record(there, values, times, np.random.default_rng(3), tempo=2.0)
+    signals = readings(there, motion, forces, "s")
+    (record,) = with_derived(model, [Record({key: signals[key] for key in model.channels}, FS, "arm")])
+    choice = choose_filter(model, [record])
+    assert isinstance(model.kernel, DeflectedKernel)
+    kernel = replace(model.kernel.at(point), rows=())
+    rows = unmasked_rows(replace(model, kernel=kernel), record, choice, choice.decimation[0])
+    slopes = {*model.kernel.keys} - {*kernel.keys}
+    every = mismatch_terms(model, point)
+    left = rows.mixed([{key: one for key, one in terms.items() if key not in slopes} for terms in every])
+    (longer,) = [one for one in link_forces(model, 1) if one.name == "offset of joint 2 along x"]
+    found = 0.005 * LinksInMotion(rows, record, 0, point).grown(longer)
+    assert [row.name for row in model.rows if np.any(found[model.rows.index(row)])] == ["1 link", "2 link"]
+    inside = slice(50, -50)
+    assert np.max(np.abs((left - found)[:, inside])) < 0.03 * np.max(np.abs(left[:, inside]))
 
 
 def test_what_may_be_off_in_links_is_in_the_file() -> None:
