@@ -40,6 +40,7 @@ from modelgen.runtime.identification.explanation.from_starts import (
     with_zeros,
 )
 from modelgen.runtime.identification.explanation.held_commands import with_held_commands, with_shown_or_held
+from modelgen.runtime.identification.explanation.held_images import with_readings_at_changes
 from modelgen.runtime.identification.explanation.least_squares_instead import (
     least_squares_instead,
     least_squares_of_long_arm,
@@ -86,14 +87,14 @@ def default_method(task: Task, method: Auto) -> Begun:
         return with_note(begun, "method wls: rows of power have no instruments; delays are not estimated")
     if task.model.is_arm:
         return _of_arm(task, method)
-    beyond = beyond_limit(task.job, method.instrumental)
-    if beyond is not None:
+    if (beyond := beyond_limit(task.job, method.instrumental)) is not None:
         why = "instruments take more than memory_limit_mb; delays are not estimated"
         return stand_in(with_predicted_cutoff(task, consistent=False), method, DataError(beyond), why)
+    of_chain = partial(with_readings_at_changes, method=method, decide=_of_chain)
     if long(task.job):
-        of_chain, of_all = partial(_of_chain, method=method), partial(_of_all, method=method)
+        of_all = partial(_of_all, method=method)
         return decided_by_stretches(task, with_predicted_cutoff(task, consistent=True), of_chain, of_all)
-    return _of_chain(task, method)
+    return of_chain(task)
 
 
 def _of_all(begun: Begun, method: Auto) -> Begun:
@@ -239,8 +240,7 @@ def _less_driven(task: Task, method: Auto, first: Begun) -> Begun:
 
 def _instrumental(task: Task, method: IV) -> Begun:
     """Return instruments; where a row is left unexplained, with zeros or delays of sensors as well."""
-    found = with_zeros(task, partial(_explained, method=method))
-    if found is not None:
+    if (found := with_zeros(task, partial(_explained, method=method))) is not None:
         return found
     try:
         plain = _explained(task, method)

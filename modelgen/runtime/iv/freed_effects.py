@@ -142,7 +142,7 @@ def fit_with_effects(
         before = relative
         now = replace(plain, solution=replace(plain.solution, x=plain.solution.x + length * moves[:c]))
         sizes = sizes + length * (moves[c + len(late) :])
-        _refuse_far(zip(effects, sizes.tolist(), strict=True), 1.0 / sample, plain, setting.model)
+        refuse_far(zip(effects, sizes.tolist(), strict=True), 1.0 / sample, plain, setting.model)
         for channel, step in zip(delays, steps[: len(late)], strict=True):
             delays[channel] += length * float(np.clip(step, -sample, sample))
     raise diverged(
@@ -186,7 +186,8 @@ def _calm(observation: Observation, turned: Mapping[tuple[int, int], BoolArray])
     return replace(observation, blocks=tuple(blocks))
 
 
-def _refuse_far(sized: Iterable[tuple[Effect, float]], fs: float, plain: Fit, model: Model) -> None:
+def refuse_far(sized: Iterable[tuple[Effect, float]], fs: float, plain: Fit, model: Model) -> None:
+    """Raise where an effect has a size that no record can have, at `fs` in Hz."""
     far = [effect.name for effect, size in sized if effect.runs_away(size, fs)]
     if far:
         raise diverged(f"{', '.join(far)} runs away", plain, model)

@@ -29,8 +29,12 @@ from modelgen.runtime.identification.explanation.explained import (
     with_note,
 )
 from modelgen.runtime.identification.explanation.from_starts import with_shown_effects
-from modelgen.runtime.identification.explanation.held_images import less, without_images
-from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.explanation.held_images import (
+    HoldKind,
+    quiet_job,
+    stepping_commands,
+    without_images,
+)
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     CLEARLY_LESS,
@@ -42,14 +46,11 @@ from modelgen.runtime.identification.thresholds import (
     LEAST_APART,
     LEAST_BEFORE,
     MOST_EXPONENT,
-    STEPS_TAKEN,
 )
 from modelgen.runtime.iv.effect import LOW_PASSES
 from modelgen.runtime.iv.thresholds import AS_LIKELY
 from modelgen.runtime.least_squares.delays import with_holds
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from modelgen.runtime.least_squares.time_shifts import steps_only
-from modelgen.runtime.records.record import Record
 
 
 def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Callable[[Task], Begun]) -> Begun:
@@ -125,17 +126,6 @@ class Held:
         return gained(first, self.begun, quiet_job(first.task), () if self.stepped else self.late)
 
 
-def quiet_job(task: Task) -> Job:
-    """Return a job whose forces lack the steps they take, which would pass for noise at high frequencies."""
-
-    def quiet(record: Record) -> Record:
-        keys = [key for key in stepping_commands(task) if key in record.signals]
-        steps = steps_only(record, keys)
-        return record.edited({key: less(key, steps) for key in keys})
-
-    return task.job.changed(lambda records: tuple(quiet(record) for record in records))
-
-
 def _alternatives(task: Task, first: Begun, run: Callable[[Task], Begun]) -> Iterator[Held]:
     held = held_commands(first)
     if held:
@@ -180,7 +170,7 @@ def _held(
     task, known = at_cutoff_of(task, first.task), first
     for _ in range(HELD_ROUNDS):
         try:
-            again = run(begun_at(without_images(task, held, known, stepped), known))
+            again = run(begun_at(without_images(task, held, known, HoldKind(stepped)), known))
         except (IdentifiabilityError, DataError):
             return first, held
         # images feel when the command changes, which shows only without them
@@ -190,21 +180,6 @@ def _held(
         if moved < HELD_SETTLED:
             break
     return known, held
-
-
-def stepping_commands(task: Task) -> list[str]:
-    """Return the forces, of those whose delay is to be found, that take many steps at their samples.
-
-    A binary command under an analogue controller does: it is held, and what the controller adds is not.
-    """
-    return [
-        key
-        for key in task.job.late
-        if any(
-            key in record.signals and len(record.facts.steps(key)[0]) >= STEPS_TAKEN * record.n
-            for record in task.job.records
-        )
-    ]
 
 
 def held_commands(begun: Begun) -> dict[str, float]:

@@ -19,6 +19,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.iv.divergence import diverged
+from modelgen.runtime.iv.freed_effects import refuse_far
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.physical.friction_rows import adds_friction
 from modelgen.runtime.iv.physical.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
@@ -171,6 +172,7 @@ def fit_physical_iv(
         if near and _linear(model, now, move, spread, rules):
             move = steps.combined(now.vector, move, spread)
         now = _moved(model, now, move, sample, rules)
+        refuse_far(zip(setting.effects, now.sizes, strict=True), 1.0 / sample, plain, model)
         _refuse_led_away(_led_away(model, now.p, first, rules, FARTHEST))
     raise _restless(model, x[:c], spread[:c], done)
 

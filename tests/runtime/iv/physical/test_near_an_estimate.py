@@ -11,6 +11,7 @@ import pytest
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
+from modelgen.runtime.iv.model_errors import delay_effect
 from modelgen.runtime.iv.physical import composite_iv, physical_iv
 from modelgen.runtime.iv.physical.composite_iv import fit_composites_iv
 from modelgen.runtime.iv.physical.gauss_newton_step import Unknowns
@@ -130,3 +131,17 @@ def test_steps_that_go_round_end_once_they_did(monkeypatch: pytest.MonkeyPatch) 
     # not before small steps would do
     with pytest.raises(IdentifiabilityError, match=f"after {STILL_ROUNDS + 1} rounds"):
         fit_physical_iv(setting, rows, {}, truth, settled=True)
+
+
+def test_an_effect_that_no_record_can_have_ends_the_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    setting, rows = motor_alone()
+    late = delay_effect("q_m")
+    setting, truth = replace(setting, effects=(late,), sizes=(0.0,)), setting.model.parameter_sets["light"]
+
+    def step(_: Setting, __: object, now: Unknowns, *more: object) -> SimpleNamespace:
+        # a thousand seconds late: its record would have to be continued by millions of samples
+        return SimpleNamespace(x=np.r_[now.p, 1e3], spread=np.ones(len(now.p) + 1))
+
+    monkeypatch.setattr(physical_iv, "step_from", step)
+    with pytest.raises(IdentifiabilityError, match=f"{late.name} runs away"):
+        fit_physical_iv(setting, rows, {}, dict(truth), settled=True)
