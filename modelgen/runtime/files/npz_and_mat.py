@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -91,24 +91,61 @@ def open_mat(path: Path) -> Source:
 
 def _source_of_variables(file: MatFile) -> Source:
     numeric = {name: variable for name, variable in file.variables.items() if variable.is_numeric}
-
-    def load(names: Sequence[str]) -> Columns:
-        try:
-            return {name: file.value(name) for name in names}
-        except DamagedFile as error:
-            raise _no_matlab_file(file.path, error) from error
-
-    single = [name for name, variable in numeric.items() if prod(variable.shape) == 1]
-    scalars = {name: values for name in single if (values := file.value(name)).dtype.kind in "iuf"}
+    within: Columns = {}
     left_out = [
         f"{name} ({variable.what})"
         for name, variable in file.variables.items()
         if variable.what in LEFT_OUT.values()
     ]
+    for name, variable in file.variables.items():
+        if variable.fields:
+            try:
+                within |= dict(_in_structure(name, file.value(name), within))
+            except DamagedFile as error:  # the other variables may be whole
+                left_out.append(f"{name} (a structure: {error})")
+            check_columns(file.path, len(numeric) + len(within), within)
+
+    def load(names: Sequence[str]) -> Columns:
+        try:
+            return {name: within[name] if name in within else file.value(name) for name in names}
+        except DamagedFile as error:
+            raise _no_matlab_file(file.path, error) from error
+
+    shapes = {name: variable.shape for name, variable in numeric.items()}
+    shapes |= {name: values.shape for name, values in within.items()}
+    single = load([name for name, shape in shapes.items() if prod(shape) == 1])
+    scalars = {name: values for name, values in single.items() if values.dtype.kind in "iuf"}
     took = [f"left out: {listed(left_out)}"] if left_out else []
     took += _repeated(file.repeated)
-    shapes = {name: variable.shape for name, variable in numeric.items()}
     return source_of_shapes(file.path, shapes, scalars, load, "matlab", took=tuple(took))
+
+
+def _in_structure(name: str, value: Any, known: Collection[str]) -> Iterator[tuple[str, npt.NDArray[Any]]]:
+    """Yield the arrays of a structure by their places in it, "log.signals.q_m", in their units, of any shape.
+
+    Of several entries each has its number, "log.signals(2).values", or its label, as Simulink writes them.
+    """
+    if isinstance(value, np.ndarray) and name not in known:
+        yield name, value
+    if isinstance(value, list):
+        for k, entry in enumerate(value):
+            yield from _in_structure(f"{name}{{{k + 1}}}", entry, known)
+    if not isinstance(value, dict):
+        return
+    labels = [_text(label) for label in value.get("label", ())]
+    # a label may be any text, and none
+    labelled = (
+        "values" in value
+        and all(labels)
+        and len(set(labels)) == len(labels)
+        and "".join(labels).isprintable()
+    )
+    for part, entries in value.items():
+        for k, entry in enumerate(entries):
+            place = f"{name}({k + 1}).{part}" if len(entries) > 1 else f"{name}.{part}"
+            yield from _in_structure(
+                f"{name}.{labels[k]}" if labelled and part == "values" else place, entry, known
+            )
 
 
 def _repeated(names: Collection[str]) -> tuple[str, ...]:

@@ -37,6 +37,8 @@ from modelgen.runtime.files.timestamps import nanoseconds, time_since
 
 RECORD_MARK = "# modelgen record "  # followed by JSON: fs, name and tag of a record written by modelgen
 THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,'’ ]\d{3})+(?:[.,]\d+)?")
+WITH_POINTS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+")
+POINTS_BETWEEN = re.compile(r"(?:^|[;\t \"])[+-]?\d{1,3}(?:\.\d{3})+(?:[;\t \"\r\n]|$)")
 Table = FloatArray
 
 
@@ -168,7 +170,7 @@ def _fast_table(layout: Layout, places: tuple[int, ...]) -> Table | None:
     try:
         with opened_text(layout.path, layout.encoding) as file, warnings.catch_warnings():
             warnings.simplefilter("error")  # an empty table is a warning
-            rows = (line.replace(",", ".") for line in file) if layout.decimal_comma else file
+            rows = (_with_points(layout, line) for line in file) if layout.decimal_comma else file
             # without columns that hold no numbers, every line's width is checked by the parser
             chosen = places if "" in layout.names else None
             times: dict[int | str, Callable[[str], Any]] = {
@@ -190,6 +192,13 @@ def _fast_table(layout: Layout, places: tuple[int, ...]) -> Table | None:
     if chosen is not None:
         return table
     return table[:, list(places)] if table.shape[1] == len(layout.names) else None
+
+
+def _with_points(layout: Layout, line: str) -> str:
+    """Return a line of decimal commas with points; one with points between thousands is read cell by cell."""
+    if layout.only_commas and "." in line and POINTS_BETWEEN.search(line):
+        raise ValueError(line)
+    return line.replace(",", ".")
 
 
 def _slow_columns(layout: Layout, places: tuple[int, ...]) -> list[Table]:
@@ -227,7 +236,11 @@ def _reader(layout: Layout, place: int) -> Callable[[str], float | None]:
     """Return what turns a cell of a column into its value, None where it holds none."""
     first = layout.stamps.get(layout.names[place])
     if first is None:
-        return lambda cell: reading_from(cell, layout.decimal_comma)
+        return lambda cell: (
+            None
+            if layout.only_commas and WITH_POINTS.fullmatch(cell)
+            else reading_from(cell, layout.decimal_comma)
+        )
     since = time_since(first)
 
     def time(cell: str) -> float | None:

@@ -36,7 +36,8 @@ class Layout:
     `names` holds one name a column, "" for a column that is no channel; `header_line` is the last line above
     the samples, counted from 1. `clocks` maps a channel to its column of times, `ragged` says whether columns
     may end before the others; `stamps` maps a column of times as text to the first time, from which
-    it is counted; `took` is what was taken for what.
+    it is counted; `took` is what was taken for what; `only_commas` says that fractions have a
+    decimal comma, so that a point stands between thousands.
     """
 
     path: Path
@@ -50,6 +51,7 @@ class Layout:
     ragged: bool = False
     stamps: Mapping[str, str] = field(default_factory=dict)
     took: tuple[str, ...] = ()
+    only_commas: bool = False
 
 
 def cells_of(line: str, separator: str) -> list[str]:
@@ -146,6 +148,7 @@ def sniff(head: Head) -> Layout | None:
         units,
         clocks_by_place(named) or _unnamed_clock(named, units, stamps),
         stamps=stamps,
+        only_commas=head.decimal_comma,
     )
     plain = names == 0 and not between and head.lines[0][0] <= layout.header_line
     left_out = [f"column {listed(days)} holds days, left out"] if days else []
@@ -233,7 +236,7 @@ def _is_samples(cells: Sequence[str], comma: bool) -> bool:
 def _names_place(head: Head) -> int | None:
     """Return the place of the line of names: next above the samples, but for lines of units between."""
     place = head.first - 1
-    while place >= 0 and _is_units(head.lines[place][1]):
+    while place >= 0 and (_is_units(head.lines[place][1]) or _has_units(head, place)):
         place -= 1
     if place < 0:
         return None
@@ -267,6 +270,15 @@ def _is_units(cells: Sequence[str]) -> bool:
     filled = [cell for cell in cells if cell]
     known = [cell for cell in filled if unit_from_text(cell) or cell.startswith("[") or states_no_unit(cell)]
     return bool(filled) and len(known) == len(filled)
+
+
+def _has_units(head: Head, place: int) -> bool:
+    """Return whether a line holds units, not all of them known: it stands below names of all its columns."""
+    cells, above = head.lines[place][1], head.lines[place - 1][1] if place else ()
+    filled = [k for k, cell in enumerate(cells) if cell]
+    units = [k for k in filled if unit_from_text(cells[k]) or states_no_unit(cells[k])]
+    named = [k for k, cell in enumerate(above) if cell and not unit_from_text(cell)]
+    return 2 * len(units) > len(filled) and len(filled) > 1 and set(filled) <= set(named)
 
 
 def _padded(cells: Sequence[str], width: int) -> list[str]:

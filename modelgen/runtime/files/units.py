@@ -170,7 +170,7 @@ def states_no_unit(text: str) -> bool:
 
 
 def split_name(text: str) -> tuple[str, str | None]:
-    """Split "theta [rad]", "torque (Nm)", "t in ms", "pos / mm" or "speed_rpm" into a name and a unit's text.
+    """Split "theta [rad]", "torque (Nm)", "t in ms", "pos / mm", "t, s" or "v_rpm" into a name and a unit.
 
     What stands at the end counts as a unit only where it is one, or in square brackets apart from the name; a
     single letter must stand in brackets.
@@ -182,7 +182,7 @@ def split_name(text: str) -> tuple[str, str | None]:
         apart = match.group(2) is not None and text[match.end(1)].isspace() and not inner.strip().isdecimal()
         if apart or (unit_from_text(inner) and not inner.isdecimal()) or states_no_unit(inner):
             return match.group(1).strip(), inner.strip() or None
-    match = re.fullmatch(r"(.*\S)\s*(?:\bin\b| / )\s*(\S+)", text)
+    match = re.fullmatch(r"(.*\S)\s*(?:\bin\b| / |, )\s*(\S+)", text)
     if match and unit_from_text(match.group(2)):
         return match.group(1).strip(), match.group(2)
     # Rohde & Schwarz: the column of times has no other name

@@ -36,7 +36,10 @@ SET_POINT_WORDS = (
     *("des", "desired", "dmd", "demand", "soll", "sollwert"),
 )
 # what programs of identification call the channels of a record
-INPUT_NAMES, OUTPUT_NAMES = ("u", "input", "inputs", "inputdata"), ("y", "output", "outputs", "outputdata")
+INPUT_NAMES, OUTPUT_NAMES = (
+    ("u", "input", "inputs", "inputdata"),
+    ("y", "yout", "output", "outputs", "outputdata"),
+)
 # words for the part of a force that the controller adds from the reference alone
 FEEDFORWARD_WORDS = ("ff", "feedforward", "forward", "vorsteuerung")
 # words for what was measured, where the set point has the same name
@@ -96,8 +99,9 @@ def propose(source: Source, model: Model | None, still: Collection[str] = ()) ->
     named = [
         _Column(column, _words(column), unit_from_text(source.units.get(column, ""))) for column in columns
     ]
+    bodies = {want.body for want in wanted}
     scores = {
-        (want.key, column.name): _score(want, column) - STILL * (column.name in still)
+        (want.key, column.name): _score(want, column, bodies) - STILL * (column.name in still)
         for want in wanted
         for column in named
     }
@@ -168,8 +172,11 @@ def _inputs(model: Model) -> list[_Wanted]:
     return found
 
 
-def _score(want: _Wanted, column: _Column) -> float:
-    """Return how well a column fits: its whole name, its words for quantity and body, and its unit."""
+def _score(want: _Wanted, column: _Column, bodies: Collection[str]) -> float:
+    """Return how well a column fits: its whole name, its words for quantity and body, and its unit.
+
+    `bodies` are those of the model: where it has no load "c", a carriage may be any of them.
+    """
     name, key, words, unit = column.name.lower(), want.key.lower(), column.words, column.unit
     if name == key:
         return 20.0
@@ -188,7 +195,9 @@ def _score(want: _Wanted, column: _Column) -> float:
     score -= 1.5 * any(word in QUANTITIES[name] for name in others for word in words if len(word) > 2)
     body_words = BODIES.get(want.body, (want.body.lower(),))
     score += 2.0 * any(word in body_words for word in words)
-    score -= 2.0 * any(word in BODIES[name] for name in BODIES if name != want.body for word in words)
+    score -= 2.0 * any(
+        word in BODIES[name] for name in BODIES if name in bodies and name != want.body for word in words
+    )
     score += 2.0 * (key in name)
     if unit is not None:
         if unit.si == want.unit:

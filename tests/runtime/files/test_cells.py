@@ -71,3 +71,34 @@ def test_days_of_a_spreadsheet_are_no_seconds(tmp_path: Path) -> None:
     assert read(path, time_unit="days").record.fs == pytest.approx(100.0, rel=1e-4)
     assert describe_file(path, None)["time_unit"] == "days"
     assert open_source(path).clock == "t"
+
+
+@pytest.mark.parametrize("counts", ["1.015", "12.015.678", "-1.015"])
+def test_points_between_thousands_of_whole_numbers_are_no_decimal_points(tmp_path: Path, counts: str) -> None:
+    cells = [f"{k}" for k in range(N)]
+    cells[30] = counts
+    times = [f"{t:.2f}".replace(".", ",") for t in T]
+    with pytest.raises(
+        DataError, match=f"line 32, column q_m: is '{counts}', no number; write numbers without"
+    ):
+        read(table(tmp_path, cells, ";", times))
+    plain = read(table(tmp_path, cells, ";")).record if counts.count(".") == 1 else None
+    assert plain is None or plain.signals["q_m"][30] == float(counts)  # no comma says what a point is
+
+
+def test_units_below_the_names_of_which_one_is_not_known(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    rows = [f"{t:.2f};{q:.4f};{q:.4f};1".replace(".", ",") for t, q in zip(T, Q, strict=True)]
+    path.write_text("\n".join(["Zeit;Winkel;Weg;Strom", "s;grad;mm;A", *rows]), encoding="utf-8")
+    source = open_source(path)
+    assert source.names == ("Zeit", "Winkel", "Weg", "Strom")
+    assert source.units == {"Zeit": "s", "Winkel": "grad", "Weg": "mm", "Strom": "A"}
+
+
+def test_a_unit_behind_a_comma(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    rows = [f"{t:.2f};{q:.4f};1" for t, q in zip(T, Q, strict=True)]
+    path.write_text("\n".join(["Time, ms;Motor pos., °;axis 1, left", *rows]), encoding="utf-8")
+    source = open_source(path)
+    assert source.names == ("Time", "Motor pos.", "axis 1, left")
+    assert source.units == {"Time": "ms", "Motor pos.": "°"}

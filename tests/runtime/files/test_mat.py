@@ -212,3 +212,36 @@ def test_a_member_of_an_archive_that_stands_there_twice(tmp_path: Path) -> None:
         for _ in range(2):
             archive.writestr("q.npy", member.getvalue())
     assert open_source(path).took == ("stored more than once, the last one counts: q",)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_structures_are_read_by_the_places_of_their_arrays(tmp_path: Path, packed: bool) -> None:
+    q, F = np.arange(5.0), np.arange(5.0) ** 2
+    scope = np.zeros((1, 2), dtype=[("values", object), ("label", object)])
+    for place, (label, values) in enumerate((("q_m", q), ("torque", F))):
+        scope[0, place] = (values[:, None], label)
+    plain = scope.copy()
+    plain[0, 1]["label"] = "q_m"  # which no longer tells them apart
+    log = {"time": q / 100.0, "signals": {"q_m": q, "torque": F, "text": "none"}, "gain": 2.0}
+    contents = {"log": log, "Scope": {"signals": scope}, "Plain": {"signals": plain}, "q": q}
+    savemat(tmp_path / "a.mat", contents, do_compression=packed)
+    source = open_source(tmp_path / "a.mat")
+    wanted = {
+        **{"q": q, "log.time": q / 100.0, "log.signals.q_m": q, "log.signals.torque": F},
+        **{"Scope.signals.q_m": q, "Scope.signals.torque": F},
+        **{"Plain.signals(1).values": q, "Plain.signals(2).values": F},
+    }
+    assert set(source.names) == set(wanted)
+    for name, values in source.load(source.names).items():
+        np.testing.assert_array_equal(values, wanted[name])
+    assert dict(source.scalars) == {"log.gain": 2.0}
+
+
+def test_a_structure_that_is_too_deep_costs_itself_alone(tmp_path: Path) -> None:
+    deep: dict[str, object] = {"x": np.arange(3.0)}
+    for _ in range(20):
+        deep = {"a": deep}
+    savemat(tmp_path / "a.mat", {"deep": deep, "q": np.arange(3.0)})
+    source = open_source(tmp_path / "a.mat")
+    assert source.names == ("q",)
+    assert source.took[0].startswith("left out: deep (a structure: it holds structures too deep")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from generated import emps300_qm_ac, emps300_qm_qc, three_mass_qa_qb_qc
+from generated import emps300_qm_ac, emps300_qm_qc, emps_rigid_qm, three_mass_qa_qb_qc
 from modelgen.runtime.files.source import Source
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.mapping_file import mapping_text
@@ -155,3 +155,9 @@ def test_compounds_are_taken_apart(columns: tuple[str, ...], units: dict[str, st
     others = ("Zeit", "Anlage", "Motordrehzahl", "Lastbeschleunigung", "Drehzahlsollwert")
     found = proposed(QC, (*others, *columns), units)
     assert tuple(found[key] for key in ("q_m", "q_c", "Gamma_m")) == columns
+
+
+def test_words_of_a_body_that_the_model_lacks_are_no_other_body() -> None:
+    assert proposed(THREE, ["t", "carriage", "q_b", "q_c", "Gamma_a"], {"carriage": "deg"})["q_a"] is None
+    single = model_from_module(emps_rigid_qm)
+    assert proposed(single, ["t", "carriage", "force"], {"carriage": "mm"})["q_m"] == "carriage"
