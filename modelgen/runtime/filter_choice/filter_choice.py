@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from numbers import Integral
 
 from modelgen.errors import DataError
+from modelgen.magnitudes import is_frequency
 from modelgen.runtime.filter_choice.derivative_noise import (
     HighestDerivative,
     excited_to_hz,
@@ -286,7 +287,7 @@ def _check_options(
             raise DataError.at(record.name, f"has {record.n} samples: too few to filter", remedy)
     half = 0.5 * min(record.fs for record in records)
     for name, value in hertz.items():
-        if value is not None and not 0.0 < value < half:
+        if value is not None and not (is_frequency(value) and value < half):
             remedy = f"give a frequency between 0 and half the sampling frequency, {half:g} Hz"
             raise DataError.at(name, f"is {value!r}", remedy)
     for name, count, most in (("filter_order", filter_order, 20), ("decimation", decimation, None)):

@@ -12,7 +12,13 @@ from modelgen.runtime.diagnostics.friction_asymmetry import asymmetry_notes
 from modelgen.runtime.identification.assemble_estimate import Solved, judge
 from modelgen.runtime.identification.given_positions import about_the_estimate
 from modelgen.runtime.identification.methods import Method
-from modelgen.runtime.identification.options import CheckOptions, Filters, chosen_method, with_short_forms
+from modelgen.runtime.identification.options import (
+    CheckOptions,
+    Filters,
+    chosen_method,
+    refuse_other,
+    with_short_forms,
+)
 from modelgen.runtime.identification.refusals import late_refusals
 from modelgen.runtime.identification.run_checks import checked, compared, more_than_noise
 from modelgen.runtime.identification.solution import fitted, settings_drift
@@ -67,6 +73,7 @@ def identify(
         When the records answer none of the parameters.
     """
     chosen, filtering = chosen_method(method), with_short_forms(filters, cutoff_hz, decimation)
+    refuse_other("checks", checks, CheckOptions)
     if progress is None:
         return _identified(model, records, chosen, filtering, checks or CheckOptions())
     with heard(progress):

@@ -149,8 +149,9 @@ def with_short_forms(filters: Filters | None, cutoff_hz: float | None, decimatio
     Raises
     ------
     DataError
-        When one of them is given twice.
+        When one of them is given twice, or `filters` are none.
     """
+    refuse_other("filters", filters, Filters)
     given: dict[str, Any] = {"cutoff_hz": cutoff_hz, "decimation": decimation}
     short = {name: value for name, value in given.items() if value is not None}
     if filters is not None:
@@ -159,6 +160,13 @@ def with_short_forms(filters: Filters | None, cutoff_hz: float | None, decimatio
             what = "is given in filters as well"
             raise DataError(*(Problem(name, what, "give it once") for name in twice))
     return replace(filters or Filters(), **short)
+
+
+def refuse_other(name: str, value: Any, kind: type) -> None:
+    """Raise DataError for a value that is neither absent nor of this class."""
+    if value is not None and not isinstance(value, kind):
+        what, remedy = f"is of the type {type(value).__name__}", f"give a modelgen.{kind.__name__}"
+        raise DataError.at(name, what, remedy)
 
 
 def option_problems(method: Method, filters: Filters, checks: CheckOptions) -> list[Problem]:

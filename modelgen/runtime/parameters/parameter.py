@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 from statistics import NormalDist
+
+from modelgen.errors import DataError
+from modelgen.magnitudes import shown_number
 
 # Of a link that is symmetric these are zero.
 SYMMETRIC = ("Ixy", "Ixz", "Iyz", "mx", "my", "mz")
@@ -32,7 +36,16 @@ class Parameter:
     printed_std: float
 
     def interval(self, alpha: float = 0.05) -> tuple[float, float]:
-        """Return the interval that holds the truth with probability 1 - alpha (normal distribution)."""
+        """Return the interval that holds the truth with probability 1 - alpha (normal distribution).
+
+        Raises
+        ------
+        DataError
+            When alpha is no probability.
+        """
+        if isinstance(alpha, bool) or not isinstance(alpha, Real) or not 0.0 < alpha < 1.0:
+            remedy = "give a probability between 0 and 1; intervals of 95 % have 0.05"
+            raise DataError.at("alpha", f"is {shown_number(alpha)}", remedy)
         reach = NormalDist().inv_cdf(1.0 - 0.5 * alpha) * self.std
         return self.value - reach, self.value + reach
 

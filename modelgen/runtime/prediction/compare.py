@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from numbers import Integral
 
 from modelgen.errors import DataError, Problem, listed
 from modelgen.magnitudes import shown_number
@@ -50,9 +51,11 @@ def compare(
         When a parameter, a force or all sensors are missing, the motion grows without bound, or the horizon
         is longer than a record.
     """
-    if horizon is not None and (isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1):
+    whole = isinstance(horizon, Integral) and not isinstance(horizon, bool)
+    if horizon is not None and not (whole and horizon > 0):
         remedy = "give a whole number of samples, 1 or more, or none for open loop"
         raise DataError.at("horizon", f"is {shown_number(horizon)}", remedy)
+    horizon = None if horizon is None else int(horizon)
     refuse_lacking(records, (), model.channel_units)
     sensors = [sensor.key for sensor in model.sensors]
     problems = [

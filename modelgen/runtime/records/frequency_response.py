@@ -16,7 +16,7 @@ from modelgen.array_types import BoolArray, ComplexArray, FloatArray
 from modelgen.errors import DataError
 from modelgen.frozen_values import FrozenValues
 from modelgen.lazy_accessor import LazyAccessor
-from modelgen.magnitudes import shown_number
+from modelgen.magnitudes import is_frequency, shown_number
 from modelgen.optional_library import optional_library
 from modelgen.runtime.filters.power_spectrum import hann
 from modelgen.runtime.records.channels import READ_SAMPLES
@@ -152,7 +152,7 @@ def _segment_samples(record: Record, resolution_hz: float | None) -> int:
         return length - length % 2
     where = f"{record.name}: resolution_hz"
     finest, coarsest = 1.5 * record.fs / record.n, record.fs / SHORTEST_SEGMENT
-    if not finest <= resolution_hz <= coarsest:
+    if not is_frequency(resolution_hz) or not finest <= resolution_hz <= coarsest:
         remedy = f"give {finest:.4g} to {coarsest:.4g} Hz: two segments of {SHORTEST_SEGMENT} samples or more"
         raise DataError.at(where, f"is {shown_number(resolution_hz)}", remedy)
     length = round(record.fs / resolution_hz)

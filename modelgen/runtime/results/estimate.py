@@ -244,6 +244,8 @@ class Estimate:
     @classmethod
     def from_json(cls, text: str, where: str = "estimate") -> Self:
         """Return the estimate that `to_json` gave a text of; raises as `from_dict` does."""
+        if not isinstance(text, str):
+            raise DataError.at(where, f"is of the type {type(text).__name__}", "give the text of an estimate")
         return cls.from_dict(json_document(text, where, ESTIMATE.remedy), where)
 
     @classmethod

@@ -74,6 +74,9 @@ def test_options_go_where_they_belong() -> None:
         ({"method": WLS(rows_for_tag="paper")}, "rows_for_tag: is 'paper'"),
         ({"filters": Filters(drop=-1)}, "drop: is -1"),
         ({"checks": CheckOptions(prune_percent=0.0)}, "prune_percent: is 0.0"),
+        ({"filters": {"cutoff_hz": 9.0}}, "filters: is of the type dict; give a modelgen.Filters"),
+        ({"checks": {"tests": False}}, "checks: is of the type dict; give a modelgen.CheckOptions"),
+        ({"cutoff_hz": "300"}, "cutoff_hz: is '300'; give a frequency"),
     ],
     ids=str,
 )

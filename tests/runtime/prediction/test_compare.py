@@ -72,7 +72,7 @@ def test_the_true_parameters_fit(name: str, horizon: int | None) -> None:
 @pytest.mark.parametrize("name", ["encoder and accelerometer", "two encoders", "gear 100"])
 def test_one_sample_ahead_only_the_noise_is_left(name: str) -> None:
     model, truth, record = case(name, 1e-3)
-    (found,) = compare(model, truth, [record], 1)
+    (found,) = compare(model, truth, [record], np.int64(1))
     for check in found.checks:
         noise = 1e-3 * float(np.std(case(name)[2].signals[check.channel]))
         # once the state at the beginning is forgotten

@@ -124,6 +124,7 @@ def test_it_cannot_be_changed_and_survives_pickling() -> None:
         ({"input": "still"}, "is constant: it excites nothing"),
         ({"resolution_hz": 0.0}, "resolution_hz: is 0.0; give 0.1667 to 62.5 Hz"),
         ({"resolution_hz": float("nan")}, "resolution_hz: is nan"),
+        ({"resolution_hz": "10"}, "resolution_hz: is '10'"),
         ({"resolution_hz": 1e4}, "resolution_hz: is 10000.0"),
         ({"period_s": -1.0}, "period_s: is -1.0; give the period in s"),
         ({"period_s": "some"}, "period_s: is 'some'"),

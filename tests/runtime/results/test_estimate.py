@@ -7,6 +7,7 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
+from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.filter_choice import Band, FilterChoice
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import Covariances
@@ -92,6 +93,9 @@ def test_intervals_are_normal(estimate: Estimate) -> None:
     low, high = estimate.conf_int()["F_vm"]
     assert low == pytest.approx(-2e-5 - 1.959964 * 4e-6)
     assert high == pytest.approx(-2e-5 + 1.959964 * 4e-6)
+    for alpha in (95, 0.0, float("nan"), "0.05", True):
+        with pytest.raises(DataError, match=r"alpha: is .*; intervals of 95 % have 0\.05"):
+            estimate.conf_int(alpha)  # type: ignore[arg-type]
     narrow = estimate.conf_int(alpha=0.5)["F_vm"]
     assert low < narrow[0] < narrow[1] < high
     assert estimate.conf_int(physical=True)["J_total"] == pytest.approx(
