@@ -14,6 +14,9 @@ from modelgen.magnitudes import is_usable
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 LONGEST_UNIT = 80  # characters; a longer text is none
+LONGEST_TITLE = (
+    200  # characters; nobody writes a unit behind a longer one, and looking for it takes their square
+)
 
 
 @dataclass(frozen=True)
@@ -175,6 +178,8 @@ def split_name(text: str) -> tuple[str, str | None]:
     What stands at the end counts as a unit only where it is one, or in square brackets apart from the name; a
     single letter must stand in brackets.
     """
+    if len(text) > LONGEST_TITLE:
+        return text.strip(), None
     match = re.fullmatch(r"(.*?)\s*(?:\[([^\]]*)\]|\(([^)]*)\))\s*", text)
     if match and match.group(1):
         inner = match.group(2) if match.group(2) is not None else match.group(3)

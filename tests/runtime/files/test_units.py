@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -54,6 +55,13 @@ def test_a_place_in_brackets_is_no_unit() -> None:
         assert split_name(name) == (name, None)
     assert split_name("theta[deg]") == ("theta", "deg")
     assert split_name("theta [furlong]") == ("theta", "furlong")
+
+
+def test_a_title_of_any_length_takes_no_time() -> None:
+    start = process_time()
+    for text in ("a" + 200_000 * " " + "b", 200_000 * " ,", "q [" * 100_000 + "rad]"):
+        assert split_name(text) == (text.strip(), None)
+    assert process_time() - start < 1.0
 
 
 def test_a_unit_that_is_not_known_asks_for_its_factor(tmp_path: Path) -> None:
