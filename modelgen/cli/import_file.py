@@ -16,7 +16,8 @@ from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.joined.joined_source import SEPARATOR, open_record, paths_of
 from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.files.units import unit_from_text
-from modelgen.runtime.records.faults import Finding, clock_faults, reading_faults, time_faults, zero_faults
+from modelgen.runtime.records.channel_checks import zero_faults
+from modelgen.runtime.records.faults import Finding, clock_faults, reading_faults, time_faults
 from modelgen.runtime.records.mapping_file import Proposed, mapping_text
 from modelgen.runtime.records.propose_mapping import propose
 from modelgen.runtime.records.read_record import read

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,10 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import Problem, listed
 from modelgen.magnitudes import FAINTEST, FREQUENCY_REMEDY, LARGEST, is_frequency, shown_number
 from modelgen.runtime.files.units import states_no_unit, unit_from_text
-from modelgen.runtime.records.faults import restarts
+from modelgen.runtime.records.faults import POSITIONS, Finding, restarts
+from modelgen.runtime.records.thresholds import MOVES_AS_ONE, NOTED_OFFSET
 
+ACCELERATIONS = ("rad/s^2", "m/s^2")
 MISSING_REMEDY = "cut the record there, or interpolate the missing samples"
 
 
@@ -167,3 +169,50 @@ def other_units(where: str, units: Mapping[str, str], wanted: Mapping[str, str])
         what = f"is in {stated}{unknown}, and {asked} is needed"
         found.append(Problem(f"{where}: channel {key}", what, remedy))
     return found
+
+
+def zero_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> tuple[Finding, ...]:
+    """Return accelerations with a mean, and positions whose zeros differ; channels have shape (n,), in SI.
+
+    The mean of an acceleration is zero where a motion starts and ends at rest. Channels that miss a reading,
+    or never change, are not judged.
+    """
+    findings = []
+    for key, samples in signals.items():
+        if units.get(key) not in ACCELERATIONS or not np.isfinite(samples).all() or np.ptp(samples) == 0.0:
+            continue
+        rms, mean = float(np.std(samples)), float(np.mean(samples))
+        if abs(mean) > NOTED_OFFSET * rms > 0.0:
+            what = f"{key} has a mean of {mean:.4g} {units[key]}, {100.0 * abs(mean) / rms:.3g} % of its rms"
+            findings.append(Finding(f"offset={key}", what))
+    positions = {unit: [key for key in signals if units.get(key) == unit] for unit in POSITIONS}
+    for unit, keys in positions.items():
+        for key in keys[1:]:
+            pair = (signals[keys[0]], signals[key])
+            if not all(np.isfinite(samples).all() for samples in pair):
+                continue
+            apart, spread = float(pair[1][0] - pair[0][0]), float(np.ptp(pair[0]))
+            if abs(apart) > NOTED_OFFSET * spread > 0.0:
+                what = f"{key} starts {apart:.4g} {unit} from {keys[0]}, which moves over {spread:.4g} {unit}"
+                findings.append(Finding(f"offset={key}", what))
+    if all(positions.values()):
+        findings += _zeros_apart(positions["rad"][0], positions["m"][0], signals)
+    return tuple(findings)
+
+
+def _zeros_apart(angle: str, place: str, signals: Mapping[str, FloatArray]) -> Iterator[Finding]:
+    """Yield how far the zeros of an angle (rad) and of a place (m) that move as one, shape (n,), are apart."""
+    turned, moved = signals[angle], signals[place]
+    if not (np.isfinite(turned).all() and np.isfinite(moved).all()) or not (np.ptp(turned) and np.ptp(moved)):
+        return
+    about = turned - np.mean(turned), moved - np.mean(moved)
+    powers = [float(one @ one) for one in about]
+    along = float(about[0] @ about[1])
+    if along**2 < MOVES_AS_ONE * powers[0] * powers[1]:
+        return
+    apart, spread = float(turned[0] - moved[0] * powers[0] / along), float(np.ptp(turned))
+    if abs(apart) > NOTED_OFFSET * spread:
+        what = f"{angle} starts {apart:.4g} rad from where {place} starts, and moves over {spread:.4g} rad"
+        yield Finding(f"offset={angle}", what)
+        if abs(float(moved[0])) > NOTED_OFFSET * float(np.ptp(moved)):
+            yield Finding(f"offset={place}", f"{place} starts at {moved[0]:.4g} m, {angle} elsewhere")

@@ -16,7 +16,6 @@ from modelgen.runtime.records.thresholds import (
     GAP,
     LEAST_STAMPS,
     NEAR_GAP,
-    NOTED_OFFSET,
     RESTART,
     ROUGH_ORDER,
     SCATTERED,
@@ -26,7 +25,6 @@ from modelgen.runtime.records.thresholds import (
 )
 
 POSITIONS = ("rad", "m")
-ACCELERATIONS = ("rad/s^2", "m/s^2")
 FORCES = ("N m", "N")
 
 
@@ -186,33 +184,6 @@ def reading_problems(
             remedy += f" if the recorder or its bus repeats it; name it if it is a command (--held {key})"
         problems.append(Problem(where, finding.what, remedy))
     return problems
-
-
-def zero_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> tuple[Finding, ...]:
-    """Return accelerations with a mean, and positions whose zeros differ; channels have shape (n,), in SI.
-
-    The mean of an acceleration is zero where a motion starts and ends at rest. Channels that miss a reading,
-    or never change, are not judged.
-    """
-    findings = []
-    for key, samples in signals.items():
-        if units.get(key) not in ACCELERATIONS or not np.isfinite(samples).all() or np.ptp(samples) == 0.0:
-            continue
-        rms, mean = float(np.std(samples)), float(np.mean(samples))
-        if abs(mean) > NOTED_OFFSET * rms > 0.0:
-            what = f"{key} has a mean of {mean:.4g} {units[key]}, {100.0 * abs(mean) / rms:.3g} % of its rms"
-            findings.append(Finding(f"offset={key}", what))
-    for unit in POSITIONS:
-        keys = [key for key in signals if units.get(key) == unit]
-        for key in keys[1:]:
-            pair = (signals[keys[0]], signals[key])
-            if not all(np.isfinite(samples).all() for samples in pair):
-                continue
-            apart, spread = float(pair[1][0] - pair[0][0]), float(np.ptp(pair[0]))
-            if abs(apart) > NOTED_OFFSET * spread > 0.0:
-                what = f"{key} starts {apart:.4g} {unit} from {keys[0]}, which moves over {spread:.4g} {unit}"
-                findings.append(Finding(f"offset={key}", what))
-    return tuple(findings)
 
 
 def common_samples(times: Mapping[str, FloatArray]) -> dict[str, slice] | None:

@@ -16,7 +16,12 @@ from modelgen.keyword_options import with_defaults
 from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.joined.joined_source import open_record
 from modelgen.runtime.files.source import Columns, Source
-from modelgen.runtime.records.channel_checks import magnitude_problem, missing_problem, restart_problems
+from modelgen.runtime.records.channel_checks import (
+    magnitude_problem,
+    missing_problem,
+    restart_problems,
+    zero_faults,
+)
 from modelgen.runtime.records.faults import (
     Finding,
     clock_faults,
@@ -24,7 +29,6 @@ from modelgen.runtime.records.faults import (
     reading_problems,
     same_clock,
     time_faults,
-    zero_faults,
 )
 from modelgen.runtime.records.picked_columns import (
     Pick,

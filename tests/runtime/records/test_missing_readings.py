@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError
-from modelgen.runtime.records.faults import time_faults, zero_faults
+from modelgen.runtime.records.channel_checks import zero_faults
+from modelgen.runtime.records.faults import time_faults
 from modelgen.runtime.records.read_record import Reading, read
 from modelgen.runtime.records.repair import MENDS
 

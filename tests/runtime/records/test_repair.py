@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError
-from modelgen.runtime.records.faults import time_faults, zero_faults
+from modelgen.runtime.records.channel_checks import zero_faults
+from modelgen.runtime.records.faults import time_faults
 from modelgen.runtime.records.read_record import read
 
 N = 400
@@ -180,3 +181,15 @@ def test_steps_of_a_clock_that_scatters_become_even_at_their_mean(tmp_path: Path
     record = read(save(tmp_path, times), mend=("uneven",)).record
     assert record.n == N
     assert record.fs == pytest.approx(1000.0, rel=2e-3)
+
+
+@pytest.mark.parametrize(("zero", "start"), [(0.0, 0.0), (2.9, 0.0), (2.9, 0.5), (-900.0, 7.0), (0.0, 7.0)])
+def test_zeros_of_an_angle_and_of_the_place_that_it_moves(zero: float, start: float) -> None:
+    angle = 30.0 * np.sin(np.arange(500) / 80.0)
+    signals = {"q_m": angle + zero, "x_t": 0.02 * angle + 1e-5 * np.cos(np.arange(500) / 9.0) + start}
+    found = zero_faults(signals, {"q_m": "rad", "x_t": "m"})
+    wanted = [] if zero == start == 0.0 else ["offset=q_m"] + ["offset=x_t"] * (start != 0.0)
+    assert [finding.kind for finding in found] == wanted
+    # what moves on its own has a zero of its own
+    signals["x_t"] = np.cos(np.arange(500) / 30.0) + start
+    assert zero_faults(signals, {"q_m": "rad", "x_t": "m"}) == ()
