@@ -201,7 +201,7 @@ def zero_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> 
 
 
 def _zeros_apart(angle: str, place: str, signals: Mapping[str, FloatArray]) -> Iterator[Finding]:
-    """Yield how far the zeros of an angle (rad) and of a place (m) that move as one, shape (n,), are apart."""
+    """Yield how far the zeros of an angle (rad) and of a place (m) that move as one, (n,), are apart."""
     turned, moved = signals[angle], signals[place]
     if not (np.isfinite(turned).all() and np.isfinite(moved).all()) or not (np.ptp(turned) and np.ptp(moved)):
         return
