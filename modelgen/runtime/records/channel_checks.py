@@ -13,7 +13,7 @@ from modelgen.errors import Problem, listed
 from modelgen.magnitudes import FAINTEST, FREQUENCY_REMEDY, LARGEST, is_frequency, shown_number
 from modelgen.runtime.files.units import states_no_unit, unit_from_text
 from modelgen.runtime.records.faults import POSITIONS, Finding, restarts
-from modelgen.runtime.records.thresholds import MOVES_AS_ONE, NOTED_OFFSET
+from modelgen.runtime.records.thresholds import NOTED_OFFSET, ONE_MOTION
 
 ACCELERATIONS = ("rad/s^2", "m/s^2")
 MISSING_REMEDY = "cut the record there, or interpolate the missing samples"
@@ -208,7 +208,7 @@ def _zeros_apart(angle: str, place: str, signals: Mapping[str, FloatArray]) -> I
     about = turned - np.mean(turned), moved - np.mean(moved)
     powers = [float(one @ one) for one in about]
     along = float(about[0] @ about[1])
-    if along**2 < MOVES_AS_ONE * powers[0] * powers[1]:
+    if along**2 < ONE_MOTION * powers[0] * powers[1]:
         return
     apart, spread = float(turned[0] - moved[0] * powers[0] / along), float(np.ptp(turned))
     if abs(apart) > NOTED_OFFSET * spread:

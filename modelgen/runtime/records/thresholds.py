@@ -15,7 +15,7 @@ SCATTERED = 6.0  # and of the scatter of all steps: chance makes no longer one i
 NEAR_GAP = 8  # samples on each side whose stamps say whether those behind a long step stay late
 FEW_STEPS = 1 << 16  # are looked at at once
 NOTED_OFFSET = 0.02  # of a channel's rms: a smaller mean is not reported
-MOVES_AS_ONE = 0.9999  # squared correlation of an angle and a place: the ratio between them is known to 1e-4
+ONE_MOTION = 0.9999  # squared correlation of an angle and a place: the ratio between them is known to 1e-4
 
 # Points that the name, the unit and the samples of a column must earn to be proposed for a channel.
 LEAST_SCORE = 2.0
