@@ -21,6 +21,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     DRAWS,
     FEWEST_LINES,
     LEAST_POWER,
+    WHITENESS_HALVINGS,
     WHITENESS_LAGS,
     WHITENESS_ROUNDS,
 )
@@ -55,7 +56,7 @@ class Coloured:
     def of(self, series: FloatArray) -> Coloured:
         """Return the same of another series in its place, shape (n,), in the row's unit."""
         power = _periodogram(series)[self.inside]
-        return replace(self, power=power, noise=_fitted(self.shapes, power))
+        return replace(self, power=power, noise=likely_spectrum(self.shapes, power))
 
     def drawn(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Return noise of that spectrum, shape (count,), in the row's unit to within a factor."""
@@ -97,7 +98,7 @@ def coloured(
     inside = shapes.max(axis=1) > LEAST_POWER * shapes.max() if shapes.size else np.zeros(0, dtype=bool)
     if inside.sum() < FEWEST_LINES or not np.any(power[inside] > 0.0):
         return None
-    noise = _fitted(shapes[inside], power[inside])
+    noise = likely_spectrum(shapes[inside], power[inside])
     return Coloured(frequency_hz[inside], power[inside], noise, shapes[inside], inside, rate)
 
 
@@ -168,11 +169,32 @@ def _shapes(
     return shapes[:, shapes.max(axis=0, initial=0.0) > 0.0]
 
 
-def _fitted(shapes: FloatArray, power: FloatArray) -> FloatArray:
-    """Return the sum of shapes, none negative, that fits a periodogram, by weighted least squares."""
-    scale = shapes.max(axis=0)
-    noise = np.full(len(power), power.mean())
+def likely_spectrum(shapes: FloatArray, power: FloatArray) -> FloatArray:
+    """Return the sum of shapes, none negative, that makes a periodogram most likely, shape (frequencies,).
+
+    `shapes`, (frequencies, channels), in any unit, and `power`, (frequencies,), in its own, are as `Coloured`
+    has them.
+    Weighted least squares give the next levels (Fisher's scoring); where these make it less likely, as those
+    of shapes that are nearly alike but for a dip take turns, a part of the way is gone.
+    """
+    scale, least = shapes.max(axis=0), 1e-12 * power.mean()
+
+    def spectrum(levels: FloatArray) -> FloatArray:
+        return np.asarray(np.maximum(shapes @ (levels / scale), least))
+
+    levels, noise, before = np.zeros(len(scale)), np.full(len(power), power.mean()), np.inf
     for _ in range(WHITENESS_ROUNDS):
-        levels = nonnegative(shapes / scale / noise[:, None], power / noise)
-        noise = np.maximum(shapes @ (levels / scale), 1e-12 * power.mean())
+        step = nonnegative(shapes / scale / noise[:, None], power / noise) - levels
+        for _ in range(WHITENESS_HALVINGS if np.isfinite(before) else 1):
+            other = spectrum(levels + step)
+            misfit = float(np.sum(np.log(other) + power / other))
+            if misfit < before:
+                break
+            step *= 0.5
+        else:
+            break
+        gained, before = before - misfit, misfit
+        levels, noise = levels + step, other
+        if gained < 1e-6:
+            break
     return noise

@@ -75,9 +75,9 @@ SMALLEST_ERROR = 5e-4
 # so many samples at most: more of them would only show that no model is exact.
 FEWEST_LINES = 32
 MOST_SAMPLES = 1 << 15
-# Lags of the whiteness, and rounds in which the residual's colour is fitted.
+# Lags of the whiteness, rounds in which the residual's colour is fitted, and how often one is halved.
 WHITENESS_LAGS = 20
-WHITENESS_ROUNDS = 8
+WHITENESS_ROUNDS, WHITENESS_HALVINGS = 30, 8
 # Series of noise that are drawn to see what rows which leave forces open do to its whiteness.
 DRAWS = 40
 # Frequencies at which the filter leaves less than this share of its largest power hold only rounding.

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from modelgen.runtime.diagnostics.residual_tests import repeated_share, residual_advice, residual_tests
-from modelgen.runtime.diagnostics.residual_whiteness import Coloured, coloured, opened_bound, whiteness
+from modelgen.runtime.diagnostics.residual_whiteness import (
+    Coloured,
+    coloured,
+    likely_spectrum,
+    opened_bound,
+    whiteness,
+)
 from modelgen.runtime.diagnostics.thresholds import WHITENESS_LAGS
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.identification.identify import identify
@@ -181,3 +187,16 @@ def opened_whiteness(record: Record, every: int) -> tuple[float, float, float]:
     assert found is not None
     white, bound = whiteness(found)
     return white, bound, opened_bound(found, opening, run, bound)
+
+
+def test_channels_whose_noise_dips_do_not_make_a_right_residual_look_coloured() -> None:
+    # links behind springs: an encoder's noise has a dip, and other channels nothing at rest
+    frequency_hz = np.linspace(0.25, 70.0, 279)
+    shapes = np.column_stack([(1.0 - (frequency_hz / 11.9) ** 2) ** 2, (frequency_hz / 12.0) ** 4])
+    for seed in range(8):
+        power = shapes @ np.array([1.0, 0.1]) * np.random.default_rng(seed).exponential(1.0, 279)
+        noise = likely_spectrum(shapes, power)
+        found = Coloured(frequency_hz, power, noise, shapes, np.ones(279, dtype=bool), 142.0)
+        statistic, bound = whiteness(found)
+        # levels that took turns had left 8161
+        assert statistic < bound
