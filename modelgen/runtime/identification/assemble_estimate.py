@@ -19,7 +19,7 @@ from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.modes.chain_of_fit import chain_of_fit
 from modelgen.runtime.parameters.known_sums import with_known_sums
-from modelgen.runtime.parameters.other_solutions import other_solutions, solution_notes
+from modelgen.runtime.parameters.other_solutions import holding, other_solutions, solution_notes
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import (
     Covariances,
@@ -85,8 +85,8 @@ def judge(solved: Solved, residual_dof: str, checks: CheckOptions) -> Estimate:
     base = np.full(len(model.base_parameters), np.nan)
     base[[model.base_parameters.index(name) for name in identified]] = values
     found = _physical(solved, base, covariances)
-    others: tuple[Mapping[str, float], ...] = ()
-    if checks.other_solutions:
+    others = fit.carried.others if fit.carried else ()
+    if checks.other_solutions and not others:
         others = other_solutions(model, base, covariances, found.parameters)
     in_memory = all(block.in_memory for block in fit.blocks)
     described = EstimatedFit(
@@ -180,7 +180,8 @@ def _physical(solved: Solved, base: FloatArray, covariances: Covariances) -> Fou
         doubtful |= dict.fromkeys((name for name in hanging if name not in solved.fixed), reason)
         physical = tuple(entry for entry in physical if entry.name not in doubtful)
     doubtful = with_known_sums(model, covariances, every, doubtful)
-    return replace(every, parameters=physical, unanswered={**every.unanswered, **doubtful})
+    every = replace(every, parameters=physical, unanswered={**every.unanswered, **doubtful})
+    return holding(every, fit.carried.others if fit.carried else (), LARGEST_PERCENT)
 
 
 def certain(physical: tuple[Parameter, ...], nonlinear: bool) -> tuple[tuple[Parameter, ...], dict[str, str]]:

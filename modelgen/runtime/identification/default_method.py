@@ -35,6 +35,7 @@ from modelgen.runtime.identification.explanation.explained import (
     with_note,
 )
 from modelgen.runtime.identification.explanation.from_starts import (
+    with_exchanged_bodies,
     with_shown_effects,
     with_starts,
     with_zeros,
@@ -101,8 +102,8 @@ def _of_all(begun: Begun, method: Auto) -> Begun:
     """Return what stretches decided, run on all samples; from other starts where that is too little."""
     if not isinstance(begun.task.method, IV):
         return begun
-    task = replace(begun.task, job=replace(begun.task.job, effects=(), sizes=()))
-    found = _or_from_starts(task, method.instrumental, begun)
+    job = replace(begun.task.job, effects=(), sizes=())
+    found = _or_from_starts(replace(begun.task, job=job), method.instrumental, begun)
     return begun if found is begun else with_note(found, begun.found.fit.notes[0])
 
 
@@ -132,7 +133,7 @@ def _of_chain(task: Task, method: Auto) -> Begun:
         run = partial(_instrumental, method=method.instrumental)
         first = at_white_cutoff(given, first, lambda other: _with_holds(other, method, run(other)))
         first = with_shown_or_held(plain, first) if task.checks.drift_check else first
-        return with_note(first, "method iv, in the physical parameters")
+        return with_note(with_exchanged_bodies(first), "method iv, in the physical parameters")
     if not exceeding(first):
         return _less_driven(task, method, first)
     found = least_squares_instead(task, method, first)
@@ -189,8 +190,7 @@ def _spread(one: Begun) -> float:
 def _with_all_rows(found: Begun) -> Begun:
     """Return a fit; raise where zero solves one of its rows: another cut-off may show what moves there."""
     model = found.task.model
-    lost = zero_columns(found.found.fit, model)
-    if lost:
+    if lost := zero_columns(found.found.fit, model):
         raise IdentifiabilityError(*refused_problems(lost, model))
     return found
 

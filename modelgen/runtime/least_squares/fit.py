@@ -35,6 +35,8 @@ class CarriedOver:
         Those of effects that were estimated as well, beyond what was taken off, and deviations.
     at : array, shape (p,), optional
         The physical parameters, SI, at which `linear` is linear: X is theirs.
+    others : tuple of mappings
+        Other physical parameters, SI, that fit as well.
     """
 
     linear: Fit
@@ -42,6 +44,7 @@ class CarriedOver:
     unknown: tuple[str, ...] = ()
     sizes: tuple[tuple[float, float], ...] = ()
     at: FloatArray | None = None
+    others: tuple[Mapping[str, float], ...] = ()
 
 
 class FittedStretch(NamedTuple):

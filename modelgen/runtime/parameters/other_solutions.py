@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,11 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.composite_fit import fit_composites
 from modelgen.runtime.parameters.nearest_parameters import alike
 from modelgen.runtime.parameters.parameter import Parameter
-from modelgen.runtime.parameters.physical_parameters import Covariances, all_from_composites
+from modelgen.runtime.parameters.physical_parameters import (
+    Covariances,
+    FoundParameters,
+    all_from_composites,
+)
 from modelgen.runtime.parameters.thresholds import AS_GOOD, SPREAD, STARTS
 
 SEED = 2002
@@ -52,6 +57,26 @@ def other_solutions(
         if new and solved.misfit <= limit and _possible(model, values):
             found.append(values)
     return tuple(found)
+
+
+def holding(found: FoundParameters, others: Sequence[Mapping[str, float]], percent: float) -> FoundParameters:
+    """Return physical parameters whose intervals hold other values that fit as well.
+
+    Those that differ by more than so many percent of the value get a reason in the place of an interval.
+    """
+    if not others:
+        return found
+    kept, apart = [], {}
+    for entry in found.parameters:
+        values = [other[entry.name] for other in others]
+        move = float(np.hypot.reduce([value - entry.value for value in values]))
+        if move > 0.01 * percent * abs(entry.value):
+            which = " or ".join(f"{value:.6g}" for value in (entry.value, *values))
+            apart[entry.name] = f"may be {which}: no sensor tells apart what these values belong to"
+        else:
+            std, drift = (float(np.hypot(one, move)) for one in (entry.std, entry.drift_std))
+            kept.append(replace(entry, std=std, drift_std=drift))
+    return replace(found, parameters=tuple(kept), unanswered={**found.unanswered, **apart})
 
 
 def solution_notes(others: Sequence[Mapping[str, float]]) -> tuple[str, ...]:

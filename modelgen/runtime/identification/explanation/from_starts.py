@@ -20,6 +20,7 @@ from modelgen.runtime.identification.explanation.explained import (
     Shown,
     begun_at,
     begun_with,
+    delays_of,
     exceeding,
     gained,
     on_common_samples,
@@ -35,12 +36,14 @@ from modelgen.runtime.identification.explanation.wider_directions import with_wi
 from modelgen.runtime.identification.job import Change, Job
 from modelgen.runtime.identification.methods import IV
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import SHOWN_EFFECTS
+from modelgen.runtime.identification.thresholds import SHOWN_EFFECTS, TOLD_APART
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import Freed, corrected, fit_with_effects
+from modelgen.runtime.iv.physical.alike_bodies import exchanges
 from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS
 from modelgen.runtime.iv.told_effects import estimated
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.nearest_parameters import alike
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.given_directions import bodies_with_signs, direction_channel, signs_of_rows
@@ -179,6 +182,37 @@ def with_shown_effects(begun: Begun, holds_known: bool = False) -> Begun:
         return first
     found = with_carried_effects(begun.task.job, begun.found, ties)
     return begun_with(begun.task, replace(found, drift=found.drift + apart, unsolved=found.unsolved + apart))
+
+
+def with_exchanged_bodies(begun: Begun) -> Begun:
+    """Return instruments in physical parameters that know of what fits as well with bodies exchanged.
+
+    The best of both is taken; where the other one is hardly less likely it is among `CarriedOver.others`.
+    """
+    model = begun.task.model
+    for names in exchanges(model):
+        fit, carried = begun.found.fit, begun.found.fit.carried
+        known = carried.others if carried else ()
+        values = fit.physical(model.parameters)
+        if carried is None or carried.unknown or values is None:
+            return begun
+        begin = {name: values[names.get(name, name)] for name in values}
+        job = replace(begun.task.job, begin=begin, known_delays=delays_of(begun))
+        try:
+            again = run_method(replace(begun.task, job=job), begun.task.method)
+        except (IdentifiabilityError, DataError):
+            continue
+        other, there = again.found.fit, again.found.fit.physical(model.parameters)
+        if other.carried is None or there is None or other.columns != fit.columns or alike(values, there):
+            continue
+        by = gained(begun, again)
+        if by > 0.0:
+            carried, values, there = other.carried, there, values
+            begun = replace(begun, found=replace(begun.found, fit=other, observation=again.found.observation))
+        if abs(by) < TOLD_APART:
+            carried = replace(carried, others=(*known, there))
+            begun = replace(begun, found=replace(begun.found, fit=replace(begun.found.fit, carried=carried)))
+    return begun
 
 
 def _with(begun: Begun, found: Explained, shown: Shown) -> Begun | None:
