@@ -9,6 +9,7 @@ would move stays in the intervals where the hold does not leave less.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from math import exp, log
@@ -26,6 +27,7 @@ from modelgen.runtime.identification.explanation.explained import (
     exceeding,
     gained,
     late_forces,
+    run_method,
     with_note,
 )
 from modelgen.runtime.identification.explanation.from_starts import with_shown_effects
@@ -168,11 +170,22 @@ def _held(
     What was estimated first where there is none.
     """
     task, known = at_cutoff_of(task, first.task), first
+    # nothing else is looked for until images are nearly right: that takes most of the time
+    plain = partial(run_method, method=first.task.method)
+    with suppress(IdentifiabilityError, DataError):
+        known, held = _without_images(task, known, held, plain, stepped)
+    try:
+        return _without_images(task, known, held, run, stepped)
+    except (IdentifiabilityError, DataError):
+        return first, held
+
+
+def _without_images(
+    task: Task, known: Begun, held: Mapping[str, float], run: Callable[[Task], Begun], stepped: bool
+) -> tuple[Begun, Mapping[str, float]]:
+    """Return an estimate that is made, round by round, without the images of the one before, and delays."""
     for _ in range(HELD_ROUNDS):
-        try:
-            again = run(begun_at(without_images(task, held, known, HoldKind(stepped)), known))
-        except (IdentifiabilityError, DataError):
-            return first, held
+        again = run(begun_at(without_images(task, held, known, HoldKind(stepped)), known))
         # images feel when the command changes, which shows only without them
         late = {key: delays_of(again).get(key, delay) for key, delay in held.items()}
         moved = max(abs(late[key] - held[key]) * again.task.records[0].fs for key in held)
