@@ -51,6 +51,17 @@ def test_every_option_reaches_the_estimate(records: list[str]) -> None:
     assert found["periods"] is None
 
 
+def test_what_was_found_in_a_file_is_said_where_nothing_comes_out(tmp_path: Path) -> None:
+    root, path = Path(__file__).resolve().parents[2], tmp_path / "still.csv"
+    lines = [f"{0.001 * k},{1e-4 * (k == 900)},{5.0 + 1e-4 * (k == 900)},{k % 7}" for k in range(2000)]
+    path.write_text("\n".join(["t,q_m,q_c,Gamma_m", *lines]), encoding="utf-8")
+    model = str(root / "generated" / "emps300_qm_qc.py")
+    result = CliRunner().invoke(app, ["identify", str(path), "--model", model])
+    assert result.exit_code in (1, 2)
+    assert "found: q_c starts 5 rad from q_m" in result.output
+    assert result.output.index("found:") < result.output.index("error:")
+
+
 @pytest.mark.slow
 def test_a_share_can_be_held_out(records: list[str]) -> None:
     found = checks(run(*records, "--hold-out", "0.3", "--json"))

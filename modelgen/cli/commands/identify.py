@@ -90,8 +90,9 @@ def identify(
     outputs.check(spec, controller, of_arm)  # before the work, not after it
     inputs = inputs_of_loop(next(iter(models.values()))) if controller and report_file else ()
     read = read_for(data, models, given, tag or (), of_records, inputs, payload or ())
+    # before the estimate: where there is none, what was found in the files may be why
+    note(reading_lines(data, [one for _, one in read]))
     found = identified(models, read, settings_typed(context.params))
-    note(reading_lines(data, found.readings))
     # before the files: whatever becomes of these, the answer is there
     if as_json:
         print_json(found.estimate.to_dict())

@@ -187,6 +187,7 @@ def zero_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> 
             findings.append(Finding(f"offset={key}", what))
     positions = {unit: [key for key in signals if units.get(key) == unit] for unit in POSITIONS}
     for unit, keys in positions.items():
+        before = len(findings)
         for key in keys[1:]:
             pair = (signals[keys[0]], signals[key])
             if not all(np.isfinite(samples).all() for samples in pair):
@@ -195,6 +196,12 @@ def zero_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> 
             if abs(apart) > NOTED_OFFSET * spread > 0.0:
                 what = f"{key} starts {apart:.4g} {unit} from {keys[0]}, which moves over {spread:.4g} {unit}"
                 findings.append(Finding(f"offset={key}", what))
+        # what is mended begins at zero: the one that others were compared with has to do so, too
+        if len(findings) > before and abs(float(signals[keys[0]][0])) > NOTED_OFFSET * np.ptp(
+            signals[keys[0]]
+        ):
+            what = f"{keys[0]} starts at {signals[keys[0]][0]:.4g} {unit}, and others elsewhere"
+            findings.append(Finding(f"offset={keys[0]}", what))
     if all(positions.values()):
         findings += _zeros_apart(positions["rad"][0], positions["m"][0], signals)
     return tuple(findings)

@@ -111,11 +111,14 @@ def test_offsets(tmp_path: Path) -> None:
     assert [finding.kind for finding in reading.findings] == ["offset=q"]
 
 
-def test_unlike_zeros_of_encoders() -> None:
-    signals = {"q_m": wave(T), "q_c": wave(T) + 1.5, "tau": wave(T) + 9.0}
-    (finding,) = zero_faults(signals, {"q_m": "rad", "q_c": "rad", "tau": "N m"})
+@pytest.mark.parametrize("start", [0.0, 4.0])
+def test_unlike_zeros_of_encoders(start: float) -> None:
+    signals = {"q_m": wave(T) + start, "q_c": wave(T) + start + 1.5, "tau": wave(T) + 9.0}
+    finding, *others = zero_faults(signals, {"q_m": "rad", "q_c": "rad", "tau": "N m"})
     assert finding.kind == "offset=q_c"
     assert "starts 1.5 rad from q_m" in finding.what
+    # what is taken off is the first reading: the other encoder has to begin at zero, too
+    assert [other.kind for other in others] == ["offset=q_m"] * (start != 0.0)
 
 
 def test_a_mend_that_is_none(tmp_path: Path) -> None:
