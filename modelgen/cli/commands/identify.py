@@ -14,6 +14,7 @@ from modelgen.cli.estimation_options import EstimationOptions, FullOptions, Payl
 from modelgen.cli.options import Data, Details, Json, Overwrite, Trust, Values
 from modelgen.cli.output import note, print_json
 from modelgen.cli.result_pages.write_page import ReportFile
+from modelgen.errors import IdentifiabilityError
 
 Modules = Annotated[
     list[Path] | None,
@@ -90,9 +91,13 @@ def identify(
     outputs.check(spec, controller, of_arm)  # before the work, not after it
     inputs = inputs_of_loop(next(iter(models.values()))) if controller and report_file else ()
     read = read_for(data, models, given, tag or (), of_records, inputs, payload or ())
-    # before the estimate: where there is none, what was found in the files may be why
-    note(reading_lines(data, [one for _, one in read]))
-    found = identified(models, read, settings_typed(context.params))
+    readings = reading_lines(data, [one for _, one in read])
+    try:
+        found = identified(models, read, settings_typed(context.params))
+    except IdentifiabilityError:
+        note(readings)  # what was found in the files may be why
+        raise
+    note(readings)
     # before the files: whatever becomes of these, the answer is there
     if as_json:
         print_json(found.estimate.to_dict())
