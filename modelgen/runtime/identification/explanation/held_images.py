@@ -32,7 +32,7 @@ from modelgen.runtime.identification.explanation.explained import (
 from modelgen.runtime.identification.job import Change, Job
 from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import HALF_SAMPLE, PARTS_LATE, STEPS_TAKEN
+from modelgen.runtime.identification.thresholds import FELT_AT_ONCE, HALF_SAMPLE, PARTS_LATE, STEPS_TAKEN
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.thresholds import AS_LIKELY
 from modelgen.runtime.least_squares.delays import advanced, with_holds
@@ -130,7 +130,7 @@ def with_readings_at_changes(task: Task, method: Auto, decide: Callable[[Task, A
         holds them, and no images in the sensors.
     """
     keys = tuple(method.held) or task.job.late
-    sensors = _felt_at_once(task.model, keys)
+    sensors = felt_at_once(task.model, keys)
     if not sensors or not task.checks.drift_check or len({record.fs for record in task.records}) > 1:
         return decide(task, method)
     last, changes = _read_at_changes(with_predicted_cutoff(task, consistent=True), method, keys, sensors)
@@ -185,12 +185,15 @@ def _read_at_changes(
     return last, cleaned(last, known).changes[len(task.changes) :]
 
 
-def _felt_at_once(model: Model, keys: Collection[str]) -> list[str]:
+def felt_at_once(model: Model, keys: Collection[str]) -> list[str]:
     """Return the sensors that feel some of these forces at once: accelerometers on what they drive."""
     driven = [one.body for one in model.actuators if one.key in keys]
     places = [place for place, (body, _) in enumerate(body_inertias(model)) if body in driven]
-    felt = felt_accelerations(model)[:, places] if places else np.zeros((len(model.sensors), 0))
-    return [sensor.key for sensor, row in zip(model.sensors, felt, strict=True) if np.any(row)]
+    if not places or not any(sensor.order == 2 for sensor in model.sensors):
+        return []
+    felt = np.abs(felt_accelerations(model))
+    at_once = felt[:, places].max(axis=1) > FELT_AT_ONCE * felt.max(axis=1)
+    return [sensor.key for sensor, one in zip(model.sensors, at_once.tolist(), strict=True) if one]
 
 
 def _later(records: tuple[Record, ...], keys: Collection[str], by_s: float) -> tuple[Record, ...]:

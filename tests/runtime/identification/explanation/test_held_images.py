@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from generated import emps300_qm_ac
 from modelgen.cli.candidates import spec_model
-from modelgen.runtime.identification.explanation.held_images import folded
+from modelgen.runtime.identification.explanation.held_images import felt_at_once, folded
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.identification.options import CheckOptions
+from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.spec.load import parse_spec
@@ -75,6 +77,13 @@ damping = "D"
 a_m = { body = "m", measures = "acceleration" }
 q_c = { body = "c", measures = "position" }
 """
+
+
+def test_only_what_is_on_the_driven_body_feels_its_force_at_once() -> None:
+    model = spec_model(parse_spec(DRIVEN, "driven.toml"), "s")
+    assert felt_at_once(model, ("T",)) == ["a_m"]
+    assert felt_at_once(model_from_module(emps300_qm_ac), ("Gamma_m",)) == []
+    assert felt_at_once(SMALL, ("Gamma_m",)) == []
 
 
 @pytest.mark.slow
