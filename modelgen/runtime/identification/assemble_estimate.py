@@ -84,8 +84,8 @@ def judge(solved: Solved, residual_dof: str, checks: CheckOptions) -> Estimate:
     parameters = _parameters(model, identified, values, covariances)
     base = np.full(len(model.base_parameters), np.nan)
     base[[model.base_parameters.index(name) for name in identified]] = values
-    found = _physical(solved, base, covariances)
     others = fit.carried.others if fit.carried else ()
+    found = holding(_physical(solved, base, covariances), others, LARGEST_PERCENT)
     if checks.other_solutions and not others:
         others = other_solutions(model, base, covariances, found.parameters)
     in_memory = all(block.in_memory for block in fit.blocks)
@@ -180,8 +180,7 @@ def _physical(solved: Solved, base: FloatArray, covariances: Covariances) -> Fou
         doubtful |= dict.fromkeys((name for name in hanging if name not in solved.fixed), reason)
         physical = tuple(entry for entry in physical if entry.name not in doubtful)
     doubtful = with_known_sums(model, covariances, every, doubtful)
-    every = replace(every, parameters=physical, unanswered={**every.unanswered, **doubtful})
-    return holding(every, fit.carried.others if fit.carried else (), LARGEST_PERCENT)
+    return replace(every, parameters=physical, unanswered={**every.unanswered, **doubtful})
 
 
 def certain(physical: tuple[Parameter, ...], nonlinear: bool) -> tuple[tuple[Parameter, ...], dict[str, str]]:

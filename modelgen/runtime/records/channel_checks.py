@@ -196,15 +196,21 @@ def zero_faults(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> 
             if abs(apart) > NOTED_OFFSET * spread > 0.0:
                 what = f"{key} starts {apart:.4g} {unit} from {keys[0]}, which moves over {spread:.4g} {unit}"
                 findings.append(Finding(f"offset={key}", what))
-        # what is mended begins at zero: the one that others were compared with has to do so, too
-        if len(findings) > before and abs(float(signals[keys[0]][0])) > NOTED_OFFSET * np.ptp(
-            signals[keys[0]]
-        ):
-            what = f"{keys[0]} starts at {signals[keys[0]][0]:.4g} {unit}, and others elsewhere"
-            findings.append(Finding(f"offset={keys[0]}", what))
+        if len(findings) > before:
+            findings += _not_at_zero(keys[0], signals[keys[0]], unit, "and others")
     if all(positions.values()):
         findings += _zeros_apart(positions["rad"][0], positions["m"][0], signals)
     return tuple(findings)
+
+
+def _not_at_zero(key: str, samples: FloatArray, unit: str, others: str) -> Iterator[Finding]:
+    """Yield that a position, (n,) in `unit`, starts away from zero, where those compared with it are mended.
+
+    What is mended begins at zero, and what it was compared with has to do so, too.
+    """
+    if abs(float(samples[0])) > NOTED_OFFSET * float(np.ptp(samples)):
+        what = f"{key} starts at {samples[0]:.4g} {unit}, {others} elsewhere"
+        yield Finding(f"offset={key}", what)
 
 
 def _zeros_apart(angle: str, place: str, signals: Mapping[str, FloatArray]) -> Iterator[Finding]:
@@ -221,5 +227,4 @@ def _zeros_apart(angle: str, place: str, signals: Mapping[str, FloatArray]) -> I
     if abs(apart) > NOTED_OFFSET * spread:
         what = f"{angle} starts {apart:.4g} rad from where {place} starts, and moves over {spread:.4g} rad"
         yield Finding(f"offset={angle}", what)
-        if abs(float(moved[0])) > NOTED_OFFSET * float(np.ptp(moved)):
-            yield Finding(f"offset={place}", f"{place} starts at {moved[0]:.4g} m, {angle} elsewhere")
+        yield from _not_at_zero(place, moved, "m", angle)

@@ -20,7 +20,6 @@ from modelgen.runtime.identification.explanation.explained import (
     Shown,
     begun_at,
     begun_with,
-    delays_of,
     exceeding,
     gained,
     on_common_samples,
@@ -196,10 +195,10 @@ def with_exchanged_bodies(begun: Begun) -> Begun:
         values = fit.physical(model.parameters)
         if carried is None or carried.unknown or values is None:
             return begun
+        task = begun_at(begun.task, begun)
         begin = {name: values[names.get(name, name)] for name in values}
-        job = replace(begun.task.job, begin=begin, known_delays=delays_of(begun))
         try:
-            again = run_method(replace(begun.task, job=job), begun.task.method)
+            again = run_method(replace(task, job=replace(task.job, begin=begin)), task.method)
         except (IdentifiabilityError, DataError):
             continue
         other, there = again.found.fit, again.found.fit.physical(model.parameters)
@@ -207,7 +206,7 @@ def with_exchanged_bodies(begun: Begun) -> Begun:
             continue
         by = gained(begun, again)
         if by > 0.0:
-            carried, values, there = other.carried, there, values
+            carried, there = other.carried, values
             begun = replace(begun, found=replace(begun.found, fit=other, observation=again.found.observation))
         if abs(by) < TOLD_APART:
             carried = replace(carried, others=(*known, there))

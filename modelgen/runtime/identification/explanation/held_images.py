@@ -111,8 +111,9 @@ def _without(record: Record, held: Record, plant: Plant, key: str, late: float, 
     for place, sensor in enumerate(model.sensors):
         direct = space.D[place, column]
         if sensor.key in record.signals and not (direct and last is None):
-            moved = folded(space.A, space.B[:, column], space.C[place], record.fs, late)
-            response = partial(_with_direct, moved=moved, direct=direct, late=late, last=last or 0)
+            response = folded(space.A, space.B[:, column], space.C[place], record.fs, late)
+            if last is not None and direct:
+                response = partial(_with_direct, moved=response, direct=direct, late=late, last=last)
             image = held.edited({sensor.key: behind(key, response, abs(late), 0.0)})
             edits[sensor.key] = less(sensor.key, image)
     return record.edited(edits)
@@ -278,8 +279,6 @@ def _with_direct(
     A reading near the instant of a change is the command of that instant, or that before; between its
     changes either count gives the same one.
     """
-    if not direct:
-        return moved(frequency)
     given = np.exp(-2j * np.pi * frequency * (round(-late) + last))
     held = np.sinc(frequency) * np.exp(-1j * np.pi * frequency)
     return np.asarray(moved(frequency) + direct * (given / held - np.exp(2j * np.pi * frequency * late)))
