@@ -17,7 +17,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.noise_ways import noise_ways
+from modelgen.runtime.diagnostics.noise_ways import NoiseWays, noise_ways
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.diagnostics.thresholds import (
     HARMLESS_BIAS,
@@ -133,8 +133,34 @@ def _of_row(model: Model, records: Sequence[Record], choice: FilterChoice, fit: 
         shared = ways.products(channel, noise_band(record, choice))
         added += noise * shared[np.ix_(own, own)]
         crossed[at] += noise * shared[own, -1]
+    return _RowNoise(at, added, crossed + size * _lifted(model, ways, fit, block, c))
+
+
+def _lifted(model: Model, ways: NoiseWays, fit: Fit, block: RowBlock, columns: int) -> FloatArray:
+    """Return the products of a block's columns with what noise adds to its residual, (columns,)."""
     lifted = ways.of_residual(fit.all_parameters(model.base_parameters)).means[0]
-    return _RowNoise(at, added, crossed + size * _along_columns(block, ways.at, lifted, c))
+    return _along_columns(block, ways.at, lifted, columns)
+
+
+def lifted_along(
+    model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit, blocks: Sequence[RowBlock]
+) -> FloatArray:
+    """Return the products of other columns with what noise adds to residuals on average, shape (columns,).
+
+    Parameters
+    ----------
+    fit : Fit
+        Less what noise does to it.
+    blocks : sequence of RowBlock
+        Of the other columns, in the order of those of the fit, in SI.
+    """
+    width = blocks[0].W.shape[1] if blocks else 0
+    total = np.zeros(width)
+    for index, (own, block) in enumerate(zip(fit.blocks, blocks, strict=True)):
+        ways = noise_ways(model, records[own.record], choice, choice.decimation[own.record])[own.row]
+        share = _left(model, records, choice, fit, index) * fit.weights[index] ** 2
+        total += share * _lifted(model, ways, fit, block, width)
+    return total
 
 
 def _left(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit, index: int) -> float:

@@ -74,6 +74,21 @@ class NoiseWays:
                 total += alike * (left @ right.T) / left.shape[1]
         return total
 
+    def followed(self, channel: str, band: NoiseBand, x: FloatArray, delays_s: FloatArray) -> FloatArray:
+        """Return the mean products of Y - W x with each column as it was so long before, shape (c, delays).
+
+        Per unit of the density of a channel's noise, behind the low-pass. `x` has shape (columns of the
+        model,), in SI, `delays_s` shape (delays,).
+        """
+        omega = 2.0 * np.pi * band.frequency_hz
+        turned = np.exp(1j * np.outer(omega, delays_s)) * band.power[:, None]
+        left, total = self.of_residual(x).slopes[channel], np.zeros((len(self.columns), len(delays_s)))
+        for (one, own), (other, row) in product(self.slopes[channel].items(), left.items()):
+            # the real part of (-i omega)^one (i omega)^other exp(i omega delay)
+            alike = np.real((-1j) ** one * 1j**other * (omega ** (one + other) @ turned))
+            total += np.outer(own[:-1] @ row[0] / own.shape[1], alike)
+        return total
+
     def spectrum(self, channel: str, frequency_hz: FloatArray) -> FloatArray:
         """Return the power of what white noise of a channel adds to the left side, shape (n,)."""
         omega, by_order = 2.0 * np.pi * frequency_hz, self.slopes[channel]

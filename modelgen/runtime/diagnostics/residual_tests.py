@@ -14,12 +14,14 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.lagged_noise import LaggedNoise, lagged_noise
 from modelgen.runtime.diagnostics.residual_whiteness import coloured, opened_bound, whiteness
 from modelgen.runtime.diagnostics.thresholds import (
     CONFIDENCE,
     INPUT_LAGS,
     LEAST_EXPLAINED,
     LEAST_REPEATED,
+    LEFT_OF_NOISE,
     MOST_SAMPLES,
     SMALLEST_ERROR,
 )
@@ -37,7 +39,8 @@ from modelgen.runtime.rows.row_block import STRETCH
 class Correlation:
     """How the residual follows the past of one column times its parameter, at the lag where it does so most.
 
-    `value` is the correlation (-1 to 1), `bound` what noise alone reaches in 1 % of all estimates.
+    `value` is the correlation (-1 to 1) less what noise in both makes of it, `bound` what noise alone reaches
+    in 1 % of all estimates.
     """
 
     column: str
@@ -91,8 +94,13 @@ def residual_tests(
     choice: FilterChoice,
     fit: Fit,
     period_s: Mapping[str, float],
+    freed: bool = False,
 ) -> tuple[ResidualTest, ...]:
-    """Test the residual of every row on every record; `period_s` names the periodic records' periods in s."""
+    """Test the residual of every row on every record; `period_s` names the periodic records' periods in s.
+
+    The parameters of a fit that is `freed` are those of least squares without what noise does to them: what
+    they leave follows noise in the past of the columns, too.
+    """
     x = fit.all_parameters(model.base_parameters)
     found = []
     for index, block in enumerate(fit.blocks):
@@ -100,6 +108,8 @@ def residual_tests(
         step_s = choice.decimation[block.record] / record.fs
         colour = None
         run = fit.fitted(index, block.longest_run(MOST_SAMPLES))
+        if freed:
+            run = run._replace(residual=run.part.Y - run.part.W @ block.own(fit.solution.x))
         # noise in rows of power is that of forces times speeds: it has no colour of its own
         left = fit.residual_norms[index] > SMALLEST_ERROR * block.terms_norm(fit.solution.x)
         if left and not model.by_power:
@@ -107,7 +117,14 @@ def residual_tests(
         white, bound = whiteness(colour, len(fit.blocks)) if colour else (None, None)
         if colour and bound and white and white > bound and block.opening is not None:
             bound = opened_bound(colour, block.opening, run.part, bound)
-        correlation = _correlation(fit, index, run, step_s) if colour else None
+        correlation = None
+        if colour:
+            lags = min(INPUT_LAGS, len(run.residual) // 4)
+            by_noise = LaggedNoise(np.zeros((len(fit.columns), lags)), 0.0)
+            if freed:
+                rms = float(np.std(run.residual))
+                by_noise = lagged_noise(model, records, choice, fit, index, lags, rms)
+            correlation = _correlation(fit, index, run, step_s, by_noise)
         repeated = None
         if colour and record.name in period_s:
             series = _on_the_grid(fit, index)
@@ -197,12 +214,14 @@ def residual_advice(tests: Sequence[ResidualTest]) -> tuple[Advice, ...]:
     return tuple(found)
 
 
-def _correlation(fit: Fit, index: int, run: FittedStretch, step_s: float) -> Correlation | None:
+def _correlation(
+    fit: Fit, index: int, run: FittedStretch, step_s: float, by_noise: LaggedNoise
+) -> Correlation | None:
     """Return the largest correlation, against its bound, of a stretch of a residual with past inputs."""
     e = run.residual - run.residual.mean()
     touched = fit.touched(index)
     n = len(e)
-    lags = min(INPUT_LAGS, n // 4)
+    lags = by_noise.products.shape[1]
     size = quick_length(2 * n)
     E = np.fft.rfft(e, size)
     density = _smooth(square(E))
@@ -221,11 +240,14 @@ def _correlation(fit: Fit, index: int, run: FittedStretch, step_s: float) -> Cor
         # sum of R_e(k) R_u(k): the variance of a sum of products of two coloured series
         powers = density * square(U)
         both = (2.0 * powers.sum() - powers[0] - (powers[-1] if size % 2 == 0 else 0.0)) / size
-        bound = quantile * float(np.sqrt(both / n / power))
-        lag = int(np.argmax(np.abs(products)))
-        ratio = abs(float(products[lag])) / bound
-        if best is None or ratio > best[0]:
-            best = ratio, Correlation(name, (lag + 1) * step_s, float(products[lag]), bound)
+        expected = n * fit.solution.x[column] * by_noise.products[column] / np.sqrt(power)
+        bounds = quantile * float(np.sqrt(both / n / power)) + by_noise.squared
+        bounds = bounds + LEFT_OF_NOISE * np.abs(expected)
+        ratios = np.abs(products - expected) / bounds
+        lag = int(np.argmax(ratios))
+        if best is None or ratios[lag] > best[0]:
+            value = float(products[lag] - expected[lag])
+            best = float(ratios[lag]), Correlation(name, (lag + 1) * step_s, value, float(bounds[lag]))
     return best[1] if best else None
 
 

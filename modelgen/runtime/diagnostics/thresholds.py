@@ -66,6 +66,8 @@ INPUT_LAGS = 25
 # A correlation that explains less than this share of the residual's power is not reported, however
 # significant it is.
 LEAST_EXPLAINED = 0.01
+# Of what noise makes residuals follow by itself this share may be left: it is worked out to a fifth.
+LEFT_OF_NOISE = 0.2
 # What repeats in every period counts from this share of the residual's power.
 LEAST_REPEATED = 0.1
 # Below this share of the largest term of its row, a residual is what sampling and filters leave undone.

@@ -124,8 +124,9 @@ def _residuals(task: Task, solution: Solution) -> Callable[[], tuple[ResidualTes
         return tuple
     # beside records in files memory is short
     files = not all(record.in_memory for record in task.records)
-    given = task.model, task.records, task.choice, solution.as_measured
-    return meanwhile(lambda: residual_tests(*given, task.period_s()), here=files)
+    fit, freed = solution.as_measured, solution.bias is not None
+    given = task.model, task.records, task.choice, fit
+    return meanwhile(lambda: residual_tests(*given, task.period_s(), freed), here=files)
 
 
 def _asymmetric(task: Task, solution: Solution) -> tuple[Asymmetry, ...]:

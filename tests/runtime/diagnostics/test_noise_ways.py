@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from modelgen import CheckOptions, Filters, identify
-from modelgen.runtime.diagnostics.noise_bias import noise_bias
+from modelgen.runtime.diagnostics.noise_bias import lifted_along, noise_bias
 from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
@@ -19,6 +21,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.model.power.power_model import power_model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.observation import observe
+from modelgen.runtime.rows.row_block import RowBlock
 from tests.runtime.made_arm_records import catalogued, model_of, record_of, values_of
 from tests.runtime.mirrored_noise import lifted_and_expected
 
@@ -93,18 +96,50 @@ def test_what_a_row_leaves_of_a_record_is_the_noise_that_is_expected_of_it() -> 
         assert expected == pytest.approx(np.std(added), rel=0.1)
 
 
-def test_noise_lifts_what_a_row_leaves_on_average_as_predicted() -> None:
+def smooth_reading() -> tuple[Model, np.ndarray, Callable[[float, int], Record]]:
     """The squared speed of the second row; without friction, which turns earlier or later with noise."""
     model, values, _ = arm()
     smooth = {name: value * (not name.startswith("Fs")) for name, value in values.items()}
-    clean, truth = record_of(model, smooth, 10.0), model.base_from_physical(smooth)
-    choice = choose_filter(model, [clean], cutoff_hz=60.0, signal_cutoff_hz=200.0)
+    clean = record_of(model, smooth, 10.0)
 
     def read(level: float, seed: int) -> Record:
         rng = np.random.default_rng(seed)
         keys = [key for key in clean.signals if key.startswith("q_")]
         return clean.edited({k: clean.signals[k] + level * rng.standard_normal(clean.n) for k in keys})
 
+    return model, model.base_from_physical(smooth), read
+
+
+def test_noise_lifts_what_a_row_leaves_on_average_as_predicted() -> None:
+    model, truth, read = smooth_reading()
+    choice = choose_filter(model, [read(0.0, 0)], cutoff_hz=60.0, signal_cutoff_hz=200.0)
     lifted, expected = lifted_and_expected(model, choice, read, 1e-4, truth)
     assert len(lifted) > 200
     assert float(lifted @ expected) / float(expected @ expected) == pytest.approx(1.0, abs=0.15)
+
+
+def _on_grid(block: RowBlock, point: np.ndarray) -> np.ndarray:
+    found = np.full(block.grid, np.nan)
+    found[block.place] = block.residual(point)
+    return found
+
+
+def test_what_noise_adds_on_average_is_known_along_columns_of_what_the_model_lacks() -> None:
+    """It is like a zero of an encoder, or a gear, which were found where there is none."""
+    model, truth, read = smooth_reading()
+    choice = choose_filter(model, [read(0.0, 0)], cutoff_hz=60.0, signal_cutoff_hz=200.0)
+    calm = observe(model, [read(0.0, 0)], choice).dense().blocks
+    fit = fit_matched(observe(model, [read(1e-4, 0)], choice))
+    fit = replace(fit, solution=replace(fit.solution, x=truth))
+    found = np.zeros(len(truth))
+    for seed in range(4):
+        both = [observe(model, [read(level, seed)], choice).dense().blocks for level in (1e-4, -1e-4)]
+        for weight, before, *pair in zip(fit.weights, calm, *both, strict=True):
+            here, *there = [_on_grid(block, truth) for block in (before, *pair)]
+            added = np.nan_to_num(0.5 * (there[0] + there[1]) - here)[before.place]
+            found += 0.25 * weight**2 * before.W.T @ added
+    expected = lifted_along(model, [read(1e-4, 0)], choice, fit, calm)
+    scale = np.linalg.norm(
+        np.vstack([w * block.W for w, block in zip(fit.weights, calm, strict=True)]), axis=0
+    )
+    assert np.linalg.norm((found - expected) / scale) < 0.35 * np.linalg.norm(expected / scale)

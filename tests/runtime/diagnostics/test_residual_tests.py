@@ -28,7 +28,7 @@ from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.record_rows import unmasked_rows
 from modelgen.runtime.rows.row_block import RowBlock
 from tests.runtime.measured_records import bench
-from tests.runtime.rigid_motion import CHOICE, FS, RIGID, rigid_record, swings
+from tests.runtime.rigid_motion import CHOICE, FS, RIGID, TRUTH, rigid_record, swings
 
 
 def fit_of(record: Record, choice: FilterChoice = CHOICE) -> Fit:
@@ -78,6 +78,20 @@ def test_a_late_force_shows_as_correlation_with_past_inputs() -> None:
     assert found.correlation is not None
     assert found.correlation.significant
     assert 0.0 < found.correlation.lag_s <= 25 * 10 / FS
+
+
+def test_noise_of_an_encoder_that_a_column_holds_too_is_no_more_than_noise() -> None:
+    choice, truth = replace(CHOICE, decimation=(2,)), np.array([*TRUTH.values()])
+    for seed in range(3):
+        record = rigid_record(n=12000, noise=3e-5, force_noise=1.0, seed=seed)
+        fit = fit_of(record, choice)
+        left = tuple(block.residual(truth) for block in fit.blocks)
+        freed = replace(fit, solution=replace(fit.solution, x=truth), residuals=left)
+        (said,), (known,) = (residual_tests(RIGID, [record], choice, freed, {}, by) for by in (False, True))
+        assert said.correlation is not None
+        assert said.correlation.significant
+        assert known.correlation is not None
+        assert not known.correlation.significant
 
 
 def test_the_column_and_the_lag_of_a_correlation_are_found() -> None:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.diagnostics.noise_bias import less_noise
+from modelgen.runtime.diagnostics.noise_bias import less_noise, lifted_along
 from modelgen.runtime.identification.elastic.channel_errors import set_right, tried_size
 from modelgen.runtime.identification.elastic.link_forces import LinkForce, LinksInMotion
 from modelgen.runtime.identification.elastic.row_forces import RowForce, force_rows
@@ -65,17 +65,23 @@ class EffectRows:
         places = [self.rows.columns.index(one.name) for one in effects]
         return [tuple(block.W[:, place] for block in blocks) for place in places]
 
-    def pull(self, fit: Fit) -> FloatArray:
-        """Return what noise adds to the products of a fit's columns with Y - W X, shape (c,)."""
-        return np.array([self._pull.get(name, 0.0) for name in fit.columns])
+    def pull(self, columns: Sequence[str]) -> FloatArray:
+        """Return what noise adds to the products of columns with Y - W X, shape (columns,), in SI."""
+        return np.array([self._pull.get(name, 0.0) for name in columns])
 
     @cached_property
     def _pull(self) -> dict[str, float]:
         plain, job = self.solved(()), self.job
-        bias = less_noise(job.model, job.records, job.choice, plain)[1].bias
+        freed, noise = less_noise(job.model, job.records, job.choice, plain)
         R = plain.triangle[:-1, :-1]
-        pull = R.T @ (R @ np.where(np.isfinite(bias), bias, 0.0))
-        return dict(zip(plain.columns, pull.tolist(), strict=True))
+        pull = R.T @ (R @ np.where(np.isfinite(noise.bias), noise.bias, 0.0))
+        # what an effect is like and noise adds on average: zeros of encoders where noisy speeds are squared
+        names = [effect.name for effect in self.effects]
+        places = [self.rows.columns.index(name) for name in names]
+        used = {(block.record, block.row): block.chosen(places) for block in self.rows.blocks}
+        blocks = [used[block.record, block.row] for block in plain.blocks]
+        along = lifted_along(job.model, job.records, job.choice, freed, blocks)
+        return dict(zip((*plain.columns, *names), (*pull.tolist(), *along.tolist()), strict=True))
 
     @cached_property
     def rows(self) -> Observation:

@@ -46,7 +46,7 @@ class JointEffects:
     @property
     def pull(self) -> FloatArray:
         """What noise of the sensors adds to the products of the columns with Y - W X, (c,) in SI."""
-        return self.rows.pull(self.fit)
+        return self.rows.pull(self.fit.columns)
 
     def step(self, effect: Effect) -> tuple[float, float]:
         """Return the further size of an effect, and its standard deviation, with what noise pulls it by."""
@@ -66,7 +66,8 @@ class JointEffects:
         R = self.fit.triangle[:-1, :-1]
         other = np.arange(len(R)) != place
         share = np.asarray(np.linalg.lstsq(R[:, other], R[:, place], rcond=None)[0], dtype=np.float64)
-        return pulled_size(share, self.pull[other], R[:, place] - R[:, other] @ share)
+        own = R[:, place] - R[:, other] @ share
+        return pulled_size(share, self.pull[other], own, float(self.pull[place]))
 
     def told(self, known: Mapping[Effect, float]) -> SetRight:
         """Return what is known of the effects."""
@@ -105,7 +106,7 @@ class JointEffects:
         return tuple(found)
 
 
-def pulled_size(share: FloatArray, pull: FloatArray, own: FloatArray) -> float:
+def pulled_size(share: FloatArray, pull: FloatArray, own: FloatArray, along: float = 0.0) -> float:
     """Return by how much noise moves the size of an effect beside columns.
 
     Parameters
@@ -116,9 +117,11 @@ def pulled_size(share: FloatArray, pull: FloatArray, own: FloatArray) -> float:
         What noise adds to the products of the columns with Y - W X.
     own : array, shape (r,)
         What that regression leaves of the effect.
+    along : float
+        What noise adds to the product of the effect with Y - W X.
     """
     power = float(own @ own)
-    return -float(share @ pull) / power if power > 0.0 else 0.0
+    return (along - float(share @ pull)) / power if power > 0.0 else 0.0
 
 
 def joint_effects(rows: EffectRows, known: Sequence[Effect], rests: bool) -> JointEffects:
@@ -158,10 +161,11 @@ def _first(told: Sequence[Score], forces: Container[str]) -> Effect:
 
 def _shown(rows: EffectRows, fit: Fit, chosen: Sequence[Effect]) -> Iterator[Score]:
     """Yield what is certain and matters of what a fit leaves, what explains most first."""
-    rest, pull = [effect for effect in rows.effects if effect not in chosen], rows.pull(fit)
+    rest, pull = [effect for effect in rows.effects if effect not in chosen], rows.pull(fit.columns)
+    along = dict(zip(rest, rows.pull([effect.name for effect in rest]).tolist(), strict=True))
     for one in scores(Span(fit), rest, rows.grown(fit, rest), LEAST_ALIGNED_SHARE):
         if one.matters and one.effect.possible(one.size) and _within(one.effect, one.size, rows.job.records):
-            pulled = abs(float(one.move @ pull) / (one.size * one.power))
+            pulled = abs(float(one.move @ pull) / one.size + along[one.effect]) / one.power
             if abs(one.size) - pulled > MORE_CERTAIN * one.least:
                 yield one
 
