@@ -31,13 +31,11 @@ def run(
     The same project gives the same bytes. A record that is not what it was when it was read first is an
     error: NAME.project.lock, next to the project, keeps the SHA-256 of each.
     """
-    from modelgen.cli.data_arguments import reading_lines
     from modelgen.cli.project.run_project import facts_of, run_project
     from modelgen.project.project_file import load_project
 
     found = load_project(project)
     ran = run_project(found, lock, overwrite, trust)
-    note(reading_lines(ran.paths, ran.found.readings))
     note([f"locked {name}" for name in ran.locked])
     for entry, added in ran.entries:
         note([f"{entry.label}: {'added to' if added else 'is in'} {found.history}"])

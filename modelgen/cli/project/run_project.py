@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from modelgen.atomic_write import write_whole
+from modelgen.cli.data_arguments import reading_lines
+from modelgen.cli.output import note
 from modelgen.cli.project.prepared import Prepared, prepare
 from modelgen.cli.sensor_sets.identified import Identified, identified, read_for
 from modelgen.errors import ModelgenError, Problem
@@ -25,13 +27,12 @@ if TYPE_CHECKING:
 class Ran:
     """What a run did.
 
-    Entries and whether each is new, why groups have no estimate; files and estimate of the last group; names
-    of the files that were written, and of records that are new in the lock.
+    Entries and whether each is new, why groups have no estimate; what the last group gave; names of the files
+    that were written, and of records that are new in the lock.
     """
 
     entries: tuple[tuple[HistoryEntry, bool], ...]
     failed: tuple[ModelgenError, ...]
-    paths: tuple[Path, ...]
     found: Identified
     written: tuple[str, ...]
     locked: tuple[str, ...]
@@ -91,9 +92,8 @@ def run_project(project: Project, renew: bool, overwrite: bool, trust: bool) -> 
     written = _write(prepared, found)
     after = {**lock.written, **{name: file_hash(project.place(name)) for name in names}}
     save_lock(project.lock, Lock(records=hashes, written=after))
-    paths = tuple(project.place(name) for name in groups[-1].files)
     new = tuple(name for name, one in hashes.items() if lock.records.get(name) != one)
-    return Ran(tuple(entries), tuple(failed), paths, found, tuple(written), new)
+    return Ran(tuple(entries), tuple(failed), found, tuple(written), new)
 
 
 def _identified(prepared: Prepared, group: RecordsTable) -> Identified:
@@ -104,7 +104,10 @@ def _identified(prepared: Prepared, group: RecordsTable) -> Identified:
     try:
         tags = [f"{name}={tag}" for name, tag in group.tags.items()]
         read = read_for(paths, prepared.models, prepared.given, tags, group.sensors, (), group.payloads)
-        return identified(prepared.models, read, prepared.settings)
+        try:
+            return identified(prepared.models, read, prepared.settings)
+        finally:  # what was found in the files may be why there is no estimate
+            note(reading_lines(paths, [one for _, one in read]))
     except ModelgenError as error:
         where = f"{prepared.project.path}: records of {label}"
         raise type(error)(

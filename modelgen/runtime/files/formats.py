@@ -27,6 +27,7 @@ READERS = {
     **dict.fromkeys(BAGS, ("child_process.messages", "open_rosbag")),
 }
 SHEETS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
+DOCUMENTS = (".json", ".jsonl", ".ndjson", ".xml", ".yaml", ".yml")
 # of files that are packed as a whole the suffix before it shows the format
 PACKED = (".zstd", ".zst", ".gz", ".bz2", ".xz", ".zip")
 
@@ -50,6 +51,7 @@ def open_source(path: Path) -> Source:
         what = f"has the suffix {suffix!r}" if suffix else "has no suffix"
         first = "unpack it, and " if path.suffix.lower() in PACKED else ""
         first = "save the sheet as CSV, or " if suffix in SHEETS else first
+        first = "write its fields as columns of a CSV, or " if suffix in DOCUMENTS else first
         raise DataError.at(str(path), what, f"{first}give a file of one of the formats {', '.join(READERS)}")
     check_file(path, TEXT_DATA if suffix in TEXT_SUFFIXES else DATA)
     try:

@@ -11,7 +11,7 @@ from math import inf
 
 from modelgen.runtime.files.text_layout import Head, Layout, number_from, took_from
 from modelgen.runtime.files.timestamps import is_long_count
-from modelgen.runtime.files.units import split_name, states_no_unit
+from modelgen.runtime.files.units import split_titles, states_no_unit
 
 # rows of metadata that TwinCAT Scope repeats in front of every group of channels with one column of times
 SCOPE_ROWS = ("Name", "SymbolName", "Data-Type", "SampleTime[ms]", "VariableSize", "Unit")
@@ -117,7 +117,7 @@ def rigol_increment(head: Head) -> Layout | None:
     if fs is None or not any(title.startswith("tInc") for title in titles):
         return None
     first = [*head.lines[head.first][1], *([""] * head.width)]
-    pairs = [split_name(title) for title in titles[: head.width]]
+    pairs = split_titles(titles[: head.width])
     names = [name if cell else "" for (name, _), cell in zip(pairs, first, strict=False)]
     units = {name: unit for (name, unit), cell in zip(pairs, first, strict=False) if unit and cell}
     layout = _layout(head, names, units, {}, ragged=False)

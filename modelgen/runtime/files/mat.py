@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from modelgen.read_file import DATA, open_file
 from modelgen.runtime.files.mat_elements import (
+    CELL,
     COMPRESSED,
     LEFT_OUT,
     MATRIX,
@@ -56,6 +57,11 @@ class Variable:
     def is_numeric(self) -> bool:
         """Whether its values are numbers."""
         return self.what[-1].isdecimal()
+
+    @property
+    def holds_others(self) -> bool:
+        """Whether arrays may stand within it: a structure, a cell."""
+        return bool(self.fields) or self.what == "a cell"
 
 
 @dataclass(frozen=True)
@@ -171,7 +177,8 @@ def _variable(head: bytes, order: str, place: int, size: int, packed: bool) -> V
     elements = Elements(memoryview(head), order)
     found = elements.head()
     fields: tuple[str, ...] = ()
-    what = NUMERIC.get(found.kind) or LEFT_OUT.get(found.kind, "other")
+    words = {**LEFT_OUT, CELL: "a cell"}
+    what = NUMERIC.get(found.kind) or words.get(found.kind, "other")
     if found.kind == STRUCT:
         fields = _first_fields(elements)
     return Variable(found.name, found.shape, what, place, size, packed=packed, fields=fields)

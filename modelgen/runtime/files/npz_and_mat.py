@@ -98,11 +98,12 @@ def _source_of_variables(file: MatFile) -> Source:
         if variable.what in LEFT_OUT.values()
     ]
     for name, variable in file.variables.items():
-        if variable.fields:
+        if variable.holds_others:
             try:
                 within |= dict(_in_structure(name, file.value(name), within))
             except DamagedFile as error:  # the other variables may be whole
-                left_out.append(f"{name} (a structure: {error})")
+                kind = "a structure" if variable.fields else variable.what
+                left_out.append(f"{name} ({kind}: {error})")
             check_columns(file.path, len(numeric) + len(within), within)
 
     def load(names: Sequence[str]) -> Columns:
@@ -121,7 +122,7 @@ def _source_of_variables(file: MatFile) -> Source:
 
 
 def _in_structure(name: str, value: Any, known: Collection[str]) -> Iterator[tuple[str, npt.NDArray[Any]]]:
-    """Yield the arrays of a structure by their places in it, "log.signals.q_m", in their units, of any shape.
+    """Yield the arrays of a structure or cell by their places in it, "log.signals.q_m", "c{2}", of any shape.
 
     Of several entries each has its number, "log.signals(2).values", or its label, as Simulink writes them.
     """

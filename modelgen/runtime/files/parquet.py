@@ -12,7 +12,7 @@ import numpy.typing as npt
 from modelgen.errors import DataError, Problem, shortened
 from modelgen.runtime.files.optional_reader import reader_library, unreadable
 from modelgen.runtime.files.size_limits import check_expansion
-from modelgen.runtime.files.source import Columns, Source, column_of_title, is_time_name
+from modelgen.runtime.files.source import Columns, Source, columns_of_titles, is_time_name
 from modelgen.runtime.files.timestamps import elapsed_s
 
 
@@ -41,8 +41,8 @@ def open_parquet(path: Path) -> Source:
     fields: dict[str, str] = {}
     units: dict[str, str] = {}
     stamps = []
-    for field in schema:
-        name, unit = column_of_title(str(path), field.name, fields)
+    titles = columns_of_titles(str(path), [field.name for field in schema])
+    for field, (name, unit) in zip(schema, titles, strict=True):
         if str(field.type).startswith(("timestamp", "duration")):
             stamps.append(name)
             unit = "s"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from modelgen.errors import DataError
 from modelgen.runtime.files.matrix_columns import Notation, column_of_text, matrix_columns
-from modelgen.runtime.files.units import split_name, unit_from_text
+from modelgen.runtime.files.units import split_name, split_titles, unit_from_text
 
 Columns = dict[str, npt.NDArray[Any]]
 
@@ -113,19 +114,20 @@ class Source:
         return next(iter(self.clocks.values()), next(iter(sure), None))
 
 
-def column_of_title(where: str, title: str, taken: Collection[str]) -> tuple[str, str | None]:
-    """Return the column and the unit that a title of a table states, "theta [deg]".
+def columns_of_titles(where: str, titles: Sequence[str]) -> list[tuple[str, str | None]]:
+    """Return the columns and units that the titles of a table state, "theta [deg]".
 
     Raises
     ------
     DataError
-        Where another title is of the same column: one of the two would be lost.
+        Where two titles are of the same column: one of the two would be lost.
     """
-    column, unit = split_name(title)
-    if column in taken:
+    found = split_titles(titles)
+    twice = [column for column, times in Counter(column for column, _ in found).items() if times > 1]
+    if twice:
         remedy = "give every column its own name, apart from its unit"
-        raise DataError.at(where, f"two columns are named {column}", remedy)
-    return column, unit
+        raise DataError.at(where, f"two columns are named {twice[0]}", remedy)
+    return found
 
 
 def is_time_name(name: str) -> bool:

@@ -21,6 +21,7 @@ from modelgen.documents import json_document
 from modelgen.errors import DataError, Problem
 from modelgen.runtime.files.instrument_dialects import DIALECTS, stated_frequency
 from modelgen.runtime.files.source import Columns, Source
+from modelgen.runtime.files.table_shapes import check_shape
 from modelgen.runtime.files.text_layout import (
     END_MARKS,
     NO_READING,
@@ -52,6 +53,7 @@ def open_text(path: Path) -> Source:
         or shorter than the header or a cell is no number.
     """
     encoding = encoding_of(path)
+    check_shape(path, encoding)
     stated = _stated_record(path, encoding)
     fs = stated.get("fs")
     layout = None
@@ -221,6 +223,8 @@ def _slow_columns(layout: Layout, places: tuple[int, ...]) -> list[Table]:
             if value is None:
                 kind = "time" if layout.names[place] in layout.stamps else "number"
                 remedy = "correct the cell, or start a line that holds no samples with #"
+                if ":" in cell:
+                    remedy = "write times in s, or as hours:minutes:seconds"
                 if THOUSANDS.fullmatch(cell):
                     remedy = "write numbers without a mark between thousands"
                 raise DataError.at(

@@ -19,7 +19,7 @@ from modelgen.errors import listed
 from modelgen.runtime.files.source import is_time_name
 from modelgen.runtime.files.text_lines import SEPARATORS, first_lines
 from modelgen.runtime.files.timestamps import is_date, is_long_count, nanoseconds
-from modelgen.runtime.files.units import split_name, states_no_unit, unit_from_text
+from modelgen.runtime.files.units import split_titles, states_no_unit, unit_from_text
 
 SPACES = " "  # any number of them, tried where none of the others separates more
 # in quotes between commas: a point that is a comma, unless three digits follow, which may be thousands
@@ -120,12 +120,8 @@ def sniff(head: Head) -> Layout | None:
     if names is None:
         return None
     between = [cells for _, cells in head.lines[names + 1 : head.first]]
-    stated: list[str | None] = [None] * head.width
-    titles = []
-    for place, cell in enumerate(_padded(head.lines[names][1], head.width)):
-        title, unit = split_name(cell)
-        titles.append(title)
-        stated[place] = unit
+    parts = split_titles(_padded(head.lines[names][1], head.width))
+    titles, stated = [title for title, _ in parts], [unit for _, unit in parts]
     for cells in between:
         for place, cell in enumerate(_padded(cells, head.width)):
             stated[place] = cell or stated[place]

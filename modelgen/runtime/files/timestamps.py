@@ -1,8 +1,8 @@
 """Times as text (ISO 8601, with a day first and dots, as in German, or with slashes) -> whole nanoseconds.
 
 "2022-05-02T15:56:24.0005", "2022-05-02 15:56:24,0005+02:00", "02.05.2022 15:56:24.0005", "15:56:24.0005",
-"05/02/2022 03:56:24.0005 PM". Of two numbers between slashes the first is the month beside AM or PM, else the
-day. A clock that states no day goes on after midnight.
+"05/02/2022 03:56:24.0005 PM", "56:24.0005". Of two numbers between slashes the first is the month beside AM or PM, else the
+day. A clock that states no day goes on after midnight, one that states no hour after the hour.
 Counts that are too long for a double, "132959733843760000", are counted from the first as well.
 """
 
@@ -26,9 +26,10 @@ _TO_THE_MINUTE = re.compile(rf"(?:{_DATE}[T ]\s*)?{_CLOCK}")
 _STAMP = re.compile(
     r"([\d.T/ -]{0,12}\d\d?:\d\d):(\d\d)(?:[.,](\d{1,12}))?\s*([APap][Mm])?\s*(Z|[+-]\d\d(?::?\d\d)?)?"
 )
+_MINUTES = re.compile(r"(\d{1,3}):([0-5]\d)[.,](\d{1,12})")  # without the fraction it may be hours and minutes
 _DAY_ALONE = re.compile(_DATE)
 _CLOCK_ALONE = re.compile(_CLOCK + ":")
-_DAY_NS = 86_400 * 10**9
+_DAY_NS, _HOUR_NS = 86_400 * 10**9, 3600 * 10**9
 MOST_DIGITS = 15  # which a double holds
 LONGEST_COUNT = 30  # digits; what is longer counts no time
 _FIRST_DAY = datetime(1970, 1, 1, tzinfo=UTC)
@@ -38,7 +39,7 @@ def nanoseconds(cell: str) -> int | None:
     """Return the time a cell holds, since 1970 or since midnight; None for any other text."""
     match = _STAMP.fullmatch(cell)
     if match is None:
-        return None
+        return _since_the_hour(cell)
     to_the_minute, seconds, fraction, half, offset = match.groups()
     minute = _minute(to_the_minute, half and half.upper())  # remembered: there are few
     if minute is None:
@@ -46,6 +47,14 @@ def nanoseconds(cell: str) -> int | None:
     return (minute + int(seconds) - _offset_s(offset or "Z")) * 10**9 + int(
         (fraction or "").ljust(9, "0")[:9]
     )
+
+
+def _since_the_hour(cell: str) -> int | None:
+    """Return the ns of "07:12.350", minutes and seconds with a fraction, as spreadsheets show them."""
+    match = _MINUTES.fullmatch(cell)
+    if match is None:
+        return None
+    return (60 * int(match[1]) + int(match[2])) * 10**9 + int(match[3].ljust(9, "0")[:9])
 
 
 def is_date(cell: str) -> bool:
@@ -62,15 +71,15 @@ def time_since(first: str) -> Callable[[str], float]:
     """Return what turns a cell into s (of a long count: counts) since `first`; it raises ValueError."""
     start = int(first) if is_long_count(first) else nanoseconds(first)
     per_unit = 1.0 if is_long_count(first) else 1e9
-    without_day = _CLOCK_ALONE.match(first) is not None
+    turn = _HOUR_NS if _MINUTES.fullmatch(first) else _DAY_NS if _CLOCK_ALONE.match(first) else None
 
     def time(cell: str) -> float:
         text = cell.strip().strip('"')
         found = int(text) if is_long_count(text) else nanoseconds(text)
         if found is None or start is None:
             raise ValueError(cell)
-        if without_day and found < start - _DAY_NS // 2:
-            found += _DAY_NS
+        if turn is not None and found < start - turn // 2:
+            found += turn
         return (found - start) / per_unit
 
     return time

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -17,6 +18,8 @@ LONGEST_UNIT = 80  # characters; a longer text is none
 LONGEST_TITLE = (
     200  # characters; nobody writes a unit behind a longer one, and looking for it takes their square
 )
+LONGEST_INITIAL = 2  # characters of a joint's name that may be a unit, too: m, in, but not deg
+PLACE = re.compile(r"\s*(.*\S)\[([^\[\]]+)\]\s*")  # next to the name: "position[elbow]", and "theta[rad]"
 
 
 @dataclass(frozen=True)
@@ -199,6 +202,20 @@ def split_name(text: str) -> tuple[str, str | None]:
     if match:
         return text, match.group(2)
     return text.strip(), None
+
+
+def split_titles(titles: Sequence[str]) -> list[tuple[str, str | None]]:
+    """Split the titles of a table as `split_name` does, but for places that look like a unit.
+
+    "position[m]" beside "position[elbow]" is that of a joint called m, and then so is "effort[m]".
+    """
+    parts = [PLACE.fullmatch(title) if len(title) <= LONGEST_TITLE else None for title in titles]
+    of_places = {part[1] for part in parts if part and unit_from_text(part[2]) is None}
+    places = {part[2] for part in parts if part and part[1] in of_places and len(part[2]) <= LONGEST_INITIAL}
+    return [
+        (title, None) if part and part[2] in places else split_name(title)
+        for title, part in zip((title.strip() for title in titles), parts, strict=True)
+    ]
 
 
 def _cleaned(text: str) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from modelgen.runtime.files.source import Columns, Source, column_of_title, is_time_name
+from modelgen.runtime.files.source import Columns, Source, columns_of_titles, is_time_name
 from modelgen.runtime.files.timestamps import elapsed_s
 from modelgen.runtime.files.units import split_name
 from modelgen.runtime.records.read_record import read
@@ -46,8 +46,8 @@ def record_from_frame(
     if index is not None and not any(is_time_name(split_name(str(title))[0]) for title in frame.columns):
         columns["time"] = index
         units["time"] = "s"
-    for title, cells in frame.items():
-        column, unit = column_of_title(name, str(title), columns)
+    titles = columns_of_titles(name, [*columns, *(str(title) for title in frame.columns)])[len(columns) :]
+    for (_, cells), (column, unit) in zip(frame.items(), titles, strict=True):
         values = _values(cells)
         columns[column] = elapsed_s(values)
         if values.dtype.kind in "mM":

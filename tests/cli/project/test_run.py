@@ -211,9 +211,10 @@ def test_identify_saves_what_was_typed_as_a_project(
 def test_a_month_without_an_answer_does_not_cost_the_others(here: Path) -> None:
     rest = np.zeros(2000)
     force = next(actuator.key for actuator in MODEL.actuators)
-    write_record(here / "run1.csv", Record({"theta": rest, force: rest}, 1000.0), overwrite=True)
+    write_record(here / "run1.csv", Record({"theta [mm]": rest, force: rest}, 1000.0), overwrite=True)
     done = run(here, code=2)
     assert "records of 2026-01-28" in done.stderr
+    assert "run1.csv: took: line" in done.stderr  # which may be why
     assert json.loads(run(here, "--json", code=2).stdout)["failed"]
     assert [entry.label for entry in load_history(here / "axis.history.jsonl")] == ["2026-02-28"]
     write(here, 1)

@@ -245,3 +245,12 @@ def test_a_structure_that_is_too_deep_costs_itself_alone(tmp_path: Path) -> None
     source = open_source(tmp_path / "a.mat")
     assert source.names == ("q",)
     assert source.took[0].startswith("left out: deep (a structure: it holds structures too deep")
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_cells_are_read_by_the_places_of_their_arrays(tmp_path: Path, packed: bool) -> None:
+    path = tmp_path / "a.mat"
+    savemat(path, {"c": cell_of([np.arange(5.0), "q_m", 2.0 * np.arange(5.0)])}, do_compression=packed)
+    source = open_source(path)
+    assert source.names == ("c{1}", "c{3}")
+    np.testing.assert_array_equal(source.load(["c{3}"])["c{3}"], 2.0 * np.arange(5.0))

@@ -173,3 +173,15 @@ def test_two_columns_of_a_table_of_pandas_that_differ_by_their_unit_alone(
             read(tmp_path / "a.parquet", fs=1.0)
     with pytest.raises(DataError, match="two columns are named q; give every column its own name"):
         record_from_frame(frame, fs=1.0)
+
+
+def test_minutes_and_seconds_go_on_after_the_hour(tmp_path: Path) -> None:
+    stamps = [f"{59 if k < 40 else 0:02d}:{59 if k < 40 else 0:02d},{(k % 40) * 25:03d}" for k in range(N)]
+    reading = read(table(tmp_path, ";", stamps))
+    assert reading.record.fs == pytest.approx(40.0)
+    assert reading.findings == ()
+
+
+def test_hours_and_minutes_alone_are_no_times(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="line 2, column Timestamp: is '12:30', no number; write times in s"):
+        read(table(tmp_path, ",", ["12:30"] * N), time="Timestamp")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError
-from modelgen.runtime.files.units import split_name, unit_from_text
+from modelgen.runtime.files.units import split_name, split_titles, unit_from_text
 from modelgen.runtime.records.read_record import read
 
 SPEED, INCH_POUND = 2.0 * math.pi / 60.0, 0.0254 * 4.4482216152605
@@ -55,6 +55,17 @@ def test_a_place_in_brackets_is_no_unit() -> None:
         assert split_name(name) == (name, None)
     assert split_name("theta[deg]") == ("theta", "deg")
     assert split_name("theta [furlong]") == ("theta", "furlong")
+
+
+def test_a_joint_called_as_a_unit_is_none() -> None:
+    """Next to other joints "[m]" is one of them, whatever it says alone; angles in two units stay such."""
+    titles = ("time", "position[m]", "position[elbow]", "effort[m]", "torque [m]", "tau[Nm]")
+    assert split_titles(titles) == [
+        *(("time", None), ("position[m]", None), ("position[elbow]", None), ("effort[m]", None)),
+        *(("torque", "m"), ("tau", "Nm")),
+    ]
+    assert split_titles(("theta[deg]", "theta[furlong]"))[0] == ("theta", "deg")
+    assert split_titles(("position[m]", "effort[Nm]"))[0] == ("position", "m")
 
 
 def test_a_title_of_any_length_takes_no_time() -> None:
