@@ -128,7 +128,7 @@ def plain_model(model: BaseModel) -> PlainModel:
 def one_line(text: str) -> str:
     """Return free text that can end neither a comment nor a line: printable, without backslash and */."""
     printable = "".join(letter if letter.isprintable() and letter != "\\" else " " for letter in text)
-    return printable.replace("*/", "* /").replace("??/", "?? /")
+    return printable.replace("*/", "* /").replace("/*", "/ *").replace("??/", "?? /")
 
 
 def _origin(signal: object) -> str:

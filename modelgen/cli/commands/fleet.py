@@ -97,6 +97,9 @@ def fleet(
     step("starting the workers" if scheduler is None else f"asking {scheduler}")
     with fleet_client(scheduler, workers, certificates=certificates) as client:
         found = identify_fleet(client, text, records, settings, checkpoint, trust, known)
+    if found.unkept:
+        why = next(iter(found.unkept.values()))
+        note([f"warning: {len(found.unkept)} machine(s) are not in the checkpoint: {why}"])
     facts = _facts(found)
     deliver(facts, lambda: report(facts, _lines(found), as_json=False), result)
     title = f"{model.chain}, sensors {model.sensor_set}: {len(found.machines)} machines"
@@ -109,6 +112,7 @@ def _facts(found: FleetEstimate) -> dict[str, Any]:
         "pooled": [asdict(one) for one in found.pooled],
         "failed": dict(found.failed),
         "refused": dict(found.refused),
+        "unkept": dict(found.unkept),
     }
 
 

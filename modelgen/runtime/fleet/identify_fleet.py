@@ -7,7 +7,7 @@ intervals. What cannot be read, and what no worker survives, costs its record an
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -42,12 +42,15 @@ class FleetEstimate:
         Record to the reason why it is in no estimate.
     refused : mapping of str to str
         Machine to the reason why it has no estimate.
+    unkept : mapping of str to str
+        Machine to the reason why the checkpoint could not keep it (a full disk); its estimate is here.
     """
 
     machines: Mapping[str, Mapping[str, Any]]
     pooled: tuple[PooledParameter, ...]
     failed: Mapping[str, str]
     refused: Mapping[str, str]
+    unkept: Mapping[str, str] = field(default_factory=dict)
 
 
 def identify_fleet(
@@ -101,10 +104,16 @@ def identify_fleet(
     left = {machine: members for machine, members in fleet.items() if machine not in reports}
     submit = partial(_submit, client, module_text, chosen, trust, values)
 
+    unkept: dict[str, str] = {}
+
     def finish(machine: str, report: MachineReport) -> None:
         reports[machine] = report
-        if kept is not None:
+        if kept is None:
+            return
+        try:
             kept.save(machine, left[machine], report)
+        except DataError as error:  # hours of the other machines are not lost with the disk
+            unkept[machine] = str(error)
 
     futures = {machine: submit(members) for machine, members in left.items()}
     _, lost = gathered(futures, "machines identified", finish)
@@ -121,7 +130,7 @@ def identify_fleet(
         finish(machine, MachineReport(None, "none of its records can be read", why[machine], {}))
     ordered = {machine: reports[machine] for machine in fleet}
     _refuse_same(client, model, records, ordered)
-    return _estimate(ordered)
+    return replace(_estimate(ordered), unkept=unkept)
 
 
 def _machines(records: Sequence[FleetRecord]) -> dict[str, list[FleetRecord]]:

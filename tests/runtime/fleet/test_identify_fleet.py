@@ -20,6 +20,7 @@ import pytest
 from generated import emps300_qm_qc
 from modelgen.errors import DataError
 from modelgen.runtime.files.npy_channels import NpyChannels, open_npy
+from modelgen.runtime.fleet import checkpoint
 from modelgen.runtime.fleet.dask_cluster import GivenUpError, Watch, fleet_client
 from modelgen.runtime.fleet.identify_fleet import FleetRecord, identify_fleet
 from modelgen.runtime.identification.identify import identify
@@ -307,6 +308,20 @@ def test_what_no_worker_survived_is_named_and_not_tried_again_from_a_checkpoint(
     before = len(list(opened.iterdir()))
     assert identify_fleet(client, TEXT, fleet, SETTINGS, kept) == found
     assert len(list(opened.iterdir())) == before
+
+
+def test_a_checkpoint_that_cannot_be_written_costs_no_estimate(
+    client: Any, sources: list[NpyChannels], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, *_: Any, **__: Any) -> None:
+        raise DataError.at(str(path), "cannot be written (No space left on device)", "make room")
+
+    monkeypatch.setattr(checkpoint, "write_whole", full)
+    fleet = [FleetRecord("a", sources[0], stamp="as recorded"), FleetRecord("b", sources[1], stamp="too")]
+    found = identify_fleet(client, TEXT, fleet, SETTINGS, tmp_path / "kept")
+    assert sorted(found.machines) == ["a", "b"]
+    assert sorted(found.unkept) == ["a", "b"]
+    assert "No space left" in found.unkept["a"]
 
 
 def test_a_module_that_was_edited_is_executed_where_it_is_trusted(
