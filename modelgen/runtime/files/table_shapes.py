@@ -74,4 +74,4 @@ def _listed_channels(rows: Sequence[Sequence[str]]) -> tuple[str, list[str]] | N
 
 
 def _is_word(cell: str) -> bool:
-    return bool(cell) and cell[0].isalpha() and all(number_from(cell, comma) is None for comma in (False, True))
+    return cell[:1].isalpha() and number_from(cell, decimal_comma=False) is None  # "nan" is no word

@@ -1,8 +1,9 @@
 """Times as text (ISO 8601, with a day first and dots, as in German, or with slashes) -> whole nanoseconds.
 
 "2022-05-02T15:56:24.0005", "2022-05-02 15:56:24,0005+02:00", "02.05.2022 15:56:24.0005", "15:56:24.0005",
-"05/02/2022 03:56:24.0005 PM", "56:24.0005". Of two numbers between slashes the first is the month beside AM or PM, else the
-day. A clock that states no day goes on after midnight, one that states no hour after the hour.
+"05/02/2022 03:56:24.0005 PM", "56:24.0005". Of two numbers between slashes the first is the month beside
+AM or PM, else the day. A clock that states no day goes on after midnight, one that states no hour after the
+hour.
 Counts that are too long for a double, "132959733843760000", are counted from the first as well.
 """
 
@@ -26,7 +27,7 @@ _TO_THE_MINUTE = re.compile(rf"(?:{_DATE}[T ]\s*)?{_CLOCK}")
 _STAMP = re.compile(
     r"([\d.T/ -]{0,12}\d\d?:\d\d):(\d\d)(?:[.,](\d{1,12}))?\s*([APap][Mm])?\s*(Z|[+-]\d\d(?::?\d\d)?)?"
 )
-_MINUTES = re.compile(r"(\d{1,3}):([0-5]\d)[.,](\d{1,12})")  # without the fraction it may be hours and minutes
+_MINUTES = re.compile(r"(\d{1,3}):([0-5]\d)[.,](\d{1,12})")  # without a fraction it may be hours
 _DAY_ALONE = re.compile(_DATE)
 _CLOCK_ALONE = re.compile(_CLOCK + ":")
 _DAY_NS, _HOUR_NS = 86_400 * 10**9, 3600 * 10**9

@@ -1,4 +1,4 @@
-"""Tables on their side and lists of readings are refused with what to do; what only resembles them is read."""
+"""Tables on their side and lists of readings are refused with what to do; what resembles them is read."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def test_a_table_on_its_side(tmp_path: Path, width: int, unit: str) -> None:
     numbers = ";".join(f"{0.5 * k:g}".replace(".", ",") for k in range(width))
     path = tmp_path / "side.csv"
     path.write_text("\n".join(f"{name}{unit};{numbers}" for name in ("t", "q_m", "tau")))
-    with pytest.raises(DataError, match="has one line a channel.*transpose it"):
+    with pytest.raises(DataError, match=r"has one line a channel.*transpose it"):
         read_record(path)
 
 
