@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from modelgen.errors import DataError
-from modelgen.runtime.files.library_log import kept_log
-from modelgen.runtime.files.optional_reader import reader_library, unreadable
+from modelgen.runtime.files.optional_reader import kept_log, reader_library, unreadable
 from modelgen.runtime.files.size_limits import check_columns, check_expansion
 from modelgen.runtime.files.source import Columns, Source, is_time_name
 
