@@ -1,4 +1,4 @@
-"""Libraries that read a format: one error where one is not installed or fails, and its messages kept apart."""
+"""Libraries that read formats: one error where one is not installed or fails, its messages kept apart."""
 
 from __future__ import annotations
 
