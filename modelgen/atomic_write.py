@@ -64,7 +64,8 @@ def write_whole(path: str | Path, data: bytes, *, overwrite: bool) -> None:
 
 
 def _exists(target: Path) -> ModelgenError:
-    return ModelgenError.at(str(target), "exists already", "choose another name, or ask to overwrite it")
+    remedy = "choose another name, or replace it (--overwrite; overwrite=True)"
+    return ModelgenError.at(str(target), "exists already", remedy)
 
 
 def _new_draft(folder: Path) -> tuple[Path, int]:

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TypeVar, cast
+from numbers import Integral
+from typing import Any, TypeVar, cast
+
+from modelgen.errors import DataError
 
 Options = TypeVar("Options", bound=Mapping[str, object])
 
 
 def with_defaults(function: str, given: Options, kind: type[Options], defaults: Options) -> Options:
     """Return the options that exist, with their defaults replaced by what the caller passed.
+
+    Of an option that takes several texts a single one is meant as such, and not as its letters.
 
     Parameters
     ----------
@@ -30,4 +35,34 @@ def with_defaults(function: str, given: Options, kind: type[Options], defaults: 
     unknown = next((name for name in given if name not in kind.__annotations__), None)
     if unknown is not None:
         raise TypeError(f"{function}() got an unexpected keyword argument {unknown!r}")
-    return cast(Options, {**dict.fromkeys(kind.__annotations__), **defaults, **given})
+    texts = [name for name, of in kind.__annotations__.items() if "Sequence[str]" in str(of)]
+    alone = {name: texts_of(given[name]) for name in texts if given.get(name) is not None}
+    return cast(Options, {**dict.fromkeys(kind.__annotations__), **defaults, **given, **alone})
+
+
+def texts_of(given: Any) -> Any:
+    """Return a single text as a sequence of one, and not of its letters; anything else as it is."""
+    return (given,) if isinstance(given, str) else given
+
+
+def check_named_values(where: str, values: object) -> None:
+    """Refuse what is no mapping of names to numbers.
+
+    Raises
+    ------
+    DataError
+    """
+    if not isinstance(values, Mapping):
+        remedy = 'give a mapping, such as {"J": 0.02}, in SI'
+        raise DataError.at(where, f"is of the type {type(values).__name__}", remedy)
+
+
+def check_seed(seed: object) -> None:
+    """Refuse what is no seed of random numbers.
+
+    Raises
+    ------
+    DataError
+    """
+    if isinstance(seed, bool) or not isinstance(seed, Integral) or int(seed) < 0:
+        raise DataError.at("seed", f"is {seed!r}", "give a whole number, 0 or more")

@@ -241,6 +241,8 @@ def import_lines(described: Description, written: Path | None, module: Path | No
     if written is not None:
         missing = [entry["key"] for entry in described["channels"] if entry["column"] is None]
         steps = ["check it", *([f"name the column of {listed(missing)} there"] if missing else [])]
+        factors = [entry["key"] for entry in described["channels"] if Proposed(**entry).lacks_factor]
+        steps += [f"write the factor of {listed(factors)} there"] if factors else []
         steps += ["set right what is a problem"] if described["problems"] else []
         lines += ["", f"wrote {written}: {', '.join(steps)}, then"]
         data, model, mapping = (

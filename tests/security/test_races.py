@@ -51,7 +51,7 @@ def test_of_four_processes_one_wins(processes: Path, links: str) -> None:
     assert len(winners) == 1
     assert (
         sorted(filter(None, said))
-        == [f"{path}: exists already; choose another name, or ask to overwrite it\n"] * 3
+        == [f"{path}: exists already; choose another name, or replace it (--overwrite; overwrite=True)\n"] * 3
     )
     assert path.read_bytes() == winners[0].encode() * 1_000_000
     assert [entry.name for entry in processes.iterdir()] == ["a.csv"]

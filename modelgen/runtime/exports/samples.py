@@ -9,6 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.errors import DataError
+from modelgen.keyword_options import check_seed
 from modelgen.runtime.exports.sums import DETERMINED, Sums
 from modelgen.runtime.exports.values import FOLLOWS, Values, role_of
 from modelgen.runtime.model.model import Model
@@ -32,8 +33,7 @@ def with_samples(model: Model, values: Values, estimate: Estimate, count: int, s
     """
     if not 0 < count <= MOST_SAMPLES:
         raise DataError.at("samples", f"is {count}", f"give 1 to {MOST_SAMPLES}")
-    if seed < 0:
-        raise DataError.at("seed", f"is {seed}", "give a whole number, 0 or more")
+    check_seed(seed)
     names = [name for name in values.nominal if values.origin[name] == "estimate"]
     spread = np.array([values.std[name] for name in names])
     if not np.isfinite(spread).all():

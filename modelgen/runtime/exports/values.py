@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from modelgen.errors import DataError, Problem, listed
+from modelgen.keyword_options import check_named_values
 from modelgen.magnitudes import REMEDY, is_usable
 from modelgen.runtime.exports.sums import Sums
 from modelgen.runtime.model.model import Model
@@ -70,6 +71,7 @@ def export_values(
         origin |= dict.fromkeys(source.physical, "estimate")
         std = {entry.name: entry.std for entry in source.parameters.physical}
     else:
+        check_named_values("source", source)
         nominal |= {name: float(value) for name, value in source.items() if name in model.parameters}
         origin |= dict.fromkeys((name for name in source if name in model.parameters), "parameter set")
     nominal |= given

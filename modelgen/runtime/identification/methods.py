@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, ClassVar
 
 from modelgen.errors import DataError
+from modelgen.keyword_options import texts_of
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.total_least_squares import fit_total
@@ -149,6 +150,9 @@ class Method(ABC):
     matched: ClassVar[bool] = True
     covariance_kind: ClassVar[str] = "hac"
     consistent: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "held", texts_of(self.held))
 
     @staticmethod
     @abstractmethod

@@ -8,6 +8,7 @@ from numbers import Integral
 from typing import Any
 
 from modelgen.errors import DataError, Problem
+from modelgen.keyword_options import texts_of
 from modelgen.runtime.identification.memory_limit import limit_problems
 from modelgen.runtime.identification.methods import METHODS, Method
 from modelgen.runtime.identification.robust_and_bounded import treatment_problems
@@ -101,6 +102,7 @@ class CheckOptions:
     def __post_init__(self) -> None:
         if not self.tests:
             object.__setattr__(self, "drift_check", False)
+        object.__setattr__(self, "keep", texts_of(self.keep))
 
 
 def values_of(method: str = "auto", **options: Any) -> dict[str, Any]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem, listed, signed_sum
+from modelgen.keyword_options import check_named_values
 from modelgen.magnitudes import REMEDY, is_usable
 from modelgen.runtime.model.model import Model, Terms, model_from_module
 
@@ -48,6 +49,7 @@ def with_known(model: Model, values: Mapping[str, float], where: str = "known") 
     --------
     >>> stiff = modelgen.with_known(model, {"K": 15150.0})  # doctest: +SKIP
     """
+    check_named_values(where, values)
     problems = [problem for name in values if (problem := _problem(model, name, values[name], where))]
     DataError.raise_any(problems)
     renewed = [name for name in values if name in model.known and values[name] != model.known[name]]

@@ -13,10 +13,12 @@ from modelgen.errors import Problem, listed
 from modelgen.magnitudes import FAINTEST, FREQUENCY_REMEDY, LARGEST, is_frequency, shown_number
 from modelgen.runtime.files.units import states_no_unit, unit_from_text
 from modelgen.runtime.records.faults import POSITIONS, Finding, restarts
-from modelgen.runtime.records.thresholds import NOTED_OFFSET, ONE_MOTION
+from modelgen.runtime.records.thresholds import LEFT_BY_A_CUT, NOTED_OFFSET, ONE_MOTION
 
 ACCELERATIONS = ("rad/s^2", "m/s^2")
 MISSING_REMEDY = "cut the record there, or interpolate the missing samples"
+FILL = "interpolate the missing samples (--mend fill)"
+CUT_OR_FILL = f"cut the record there (--mend gaps), or {FILL}"
 
 
 def checked_channel(where: str, key: Any, values: Any) -> tuple[FloatArray | None, list[Problem]]:
@@ -64,6 +66,13 @@ def missing_problem(where: str, samples: npt.NDArray[Any], remedy: str) -> Probl
     value = "masked" if missing[first] else numbers[first]
     what = f"is {value} ({bad.size} of {numbers.size} samples are not finite)"
     return Problem(f"{where}, sample {first}", what, remedy)
+
+
+def mending_remedy(samples: npt.NDArray[Any]) -> str:
+    """Return what mends numbers, shape (n,), some of which are missing: cutting only where much is left."""
+    ends = np.flatnonzero(~np.isfinite(np.ma.filled(samples.astype(float), np.nan)))
+    longest = np.max(np.diff(np.r_[-1, ends, samples.size])) - 1
+    return CUT_OR_FILL if longest > LEFT_BY_A_CUT * samples.size else FILL
 
 
 def _is_usual(samples: FloatArray) -> bool:

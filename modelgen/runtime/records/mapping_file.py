@@ -83,6 +83,14 @@ class Proposed:
     why: str
     negate: bool = False
 
+    @property
+    def lacks_factor(self) -> bool:
+        """Whether its column states a unit from which none leads to the channel's."""
+        unit = unit_from_text(self.stated or "")
+        if self.column is None or not self.stated or states_no_unit(self.stated):
+            return False
+        return unit is None or bool(self.unit and unit.si != self.unit)
+
 
 def mapping_text(
     source: str,
@@ -121,7 +129,7 @@ def _channel_lines(entry: Proposed) -> list[str]:
     unit = unit_from_text(entry.stated or "")
     if unit is not None and (not entry.unit or unit.si == entry.unit):
         lines.append(f"factor = {unit.factor!r}  # {_comment(entry.stated)} -> {unit.si}")
-    elif entry.stated and not states_no_unit(entry.stated):
+    elif entry.lacks_factor:
         unknown = "" if unit else ", a unit that is not known"
         per = f"{entry.unit or 'SI'} per {_comment(entry.stated)}{unknown}"
         lines.append(f"# factor = ...  # {per}, to be written here")

@@ -17,7 +17,10 @@ from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.joined.joined_source import open_record
 from modelgen.runtime.files.source import Columns, Source
 from modelgen.runtime.records.channel_checks import (
+    CUT_OR_FILL,
+    FILL,
     magnitude_problem,
+    mending_remedy,
     missing_problem,
     restart_problems,
     zero_faults,
@@ -217,14 +220,13 @@ def _check_magnitudes(path: Path, loaded: Columns) -> None:
 def _check_missing(path: Path, loaded: Columns, picks: Sequence[Pick], mend: Sequence[str]) -> None:
     """Raise one DataError for every column that holds no number, or misses some that are not to be mended."""
     columns = {pick.column: loaded[pick.column] for pick in picks}
-    remedy = "cut the record there (--mend gaps), or interpolate the missing samples (--mend fill)"
     found = [
-        missing_problem(f"{path}: column {column}", values, remedy)
+        missing_problem(f"{path}: column {column}", values, mending_remedy(values))
         for column, values in columns.items()
         if values.dtype.kind in "iuf" and values.ndim == 1
     ]
-    mended = any(one in OF_READINGS for one in mend)
-    DataError.raise_any([one for one in found if one is not None and not (mended and one.remedy == remedy)])
+    mended = (FILL, CUT_OR_FILL) if any(one in OF_READINGS for one in mend) else ()
+    DataError.raise_any([one for one in found if one is not None and one.remedy not in mended])
 
 
 def _in_si(values: npt.NDArray[Any], factor: float) -> npt.NDArray[Any]:

@@ -2,7 +2,8 @@
 
 - duplicates: drop samples whose time stamp is no number, or does not come after the one before;
 - gaps: keep the longest stretch without a gap, and in which no channel misses a reading;
-- fill: interpolate linearly across gaps, and where a channel misses a reading;
+- fill: interpolate linearly across gaps, and where a channel misses a reading (cubic where it has one in
+  several samples only);
 - uneven: interpolate (cubic) onto equal steps, or take samples as even where only their stamps scatter;
 - clocks: interpolate (cubic) channels with times of their own onto those of the fastest;
 - unwrap=KEY: add the turns after which a position's reading begins again;
@@ -195,7 +196,13 @@ def _mend_missing(track: Track, wanted: tuple[str, ...]) -> Track:
     signals, said_of = dict(track.signals), []
     for key, found in there.items():
         count = int(np.count_nonzero(~found[start:stop]))
-        if count:
+        steps = np.diff(np.flatnonzero(found))
+        step = int(np.median(steps)) if count and steps.size else 1
+        # a slower channel in a table of fast ones: lines between its readings would bend it
+        if step > 1 and np.all(np.diff(at[found]) > 0.0):
+            signals[key] = _cubic(at[found], signals[key][found], at)
+            said_of.append(f"{key} interpolated between its readings, one in {step} samples")
+        elif count:
             signals[key] = np.interp(at, at[found], signals[key][found])
             said_of.append(f"{count} missing readings of {key} interpolated")
     if stop - start < all_there.size:

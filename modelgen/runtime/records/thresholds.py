@@ -14,6 +14,7 @@ GAP = 1.5  # of the median step: a longer one means that samples are missing
 SCATTERED = 6.0  # and of the scatter of all steps: chance makes no longer one in a billion
 NEAR_GAP = 8  # samples on each side whose stamps say whether those behind a long step stay late
 FEW_STEPS = 1 << 16  # are looked at at once
+LEFT_BY_A_CUT = 0.1  # of a record: where less is whole in a row, readings are interpolated, and not cut away
 NOTED_OFFSET = 0.02  # of a channel's rms: a smaller mean is not reported
 ONE_MOTION = 0.9999  # squared correlation of an angle and a place: the ratio between them is known to 1e-4
 

@@ -48,7 +48,7 @@ def write_references(
     paths = tuple(path.with_stem(f"{path.stem}_{i}") for i in range(1, len(excitations) + 1))
     taken = [p for p in paths if p.exists()]
     if taken and not overwrite:
-        remedy = "choose another name, or ask to overwrite it"
+        remedy = "choose another name, or replace it (--overwrite; overwrite=True)"
         raise DataError(*(Problem(str(p), "exists already", remedy) for p in taken))
     for target, excitation in zip(paths, excitations, strict=True):
         stride = round(excitation.rate_hz / fs)

@@ -12,6 +12,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
+from modelgen.keyword_options import check_named_values
 from modelgen.magnitudes import REMEDY, SMALLEST, is_usable, shown_number
 from modelgen.runtime.model.chain_matrices import body_inertias
 from modelgen.runtime.model.mechanical_parts import Friction
@@ -157,6 +158,7 @@ def make_plant(model: Model, parameters: Mapping[str, float], actuator: str | No
     """
     model.refuse_arm("a simulation")
     column = _actuator_column(model, actuator)
+    check_named_values("parameters", parameters)
     values = {**model.known, **parameters}
     values = checked_values(model, _needed(model), values)
     bodies, inertia = _bodies(model, values)

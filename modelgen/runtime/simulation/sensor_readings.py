@@ -9,6 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, Problem
+from modelgen.keyword_options import check_seed
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.directions import wanted_directions
 from modelgen.runtime.records.record import missing_name
@@ -39,8 +40,7 @@ def checked_levels(
             if not (lowest <= level < np.inf and level > -np.inf)
         ]
         DataError.raise_any(problems)
-    if seed < 0:
-        raise DataError.at("seed", f"is {seed}", "give a whole number, 0 or more")
+    check_seed(seed)
     return dict(noise or {}), dict(resolution or {}), dict(bias or {})
 
 

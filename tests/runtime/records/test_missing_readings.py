@@ -59,6 +59,18 @@ def test_readings_missing_at_the_ends_are_cut_off(tmp_path: Path) -> None:
     assert np.isfinite(found.signals["q"]).all()
 
 
+@pytest.mark.parametrize("timed", [True, False])
+def test_a_slower_channel_is_interpolated_between_its_readings(tmp_path: Path, timed: bool) -> None:
+    """Cutting would leave one sample, and lines between readings bend what moves: 2 % here."""
+    slow = np.where(np.arange(N) % 10 == 0, Q, np.nan)
+    path = save(tmp_path, T if timed else None, q=slow)
+    with pytest.raises(DataError, match=r"not finite\); interpolate the missing samples \(--mend fill\)$"):
+        in_si(path, fs=FS)
+    found = in_si(path, "fill", fs=FS)
+    np.testing.assert_allclose(found.record.signals["q"], Q[: found.record.n], atol=1e-3)
+    assert "q interpolated between its readings, one in 10 samples" in found.mended
+
+
 def test_readings_are_mended_without_times(tmp_path: Path) -> None:
     path = save(tmp_path, None, q=missing(Q, 100))
     assert in_si(path, "fill", fs=FS).record.n == N

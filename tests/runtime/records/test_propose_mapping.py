@@ -120,6 +120,7 @@ def test_what_is_logged_as_something_else_is_proposed_with_the_factor_that_it_ne
     entries = propose(Source(Path("a"), names, lambda asked: {}, units={column: unit}), QC)
     found = next(entry for entry in entries if entry.key == key)
     assert found.column == column and f"give {wanted} per {unit} as its factor" in found.why
+    assert [entry.key for entry in entries if entry.lacks_factor] == [key]
     assert f"# factor = ...  # {wanted} per {unit}" in mapping_text("a", entries, None, None, None, ())
 
 
