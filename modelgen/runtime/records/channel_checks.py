@@ -69,7 +69,7 @@ def missing_problem(where: str, samples: npt.NDArray[Any], remedy: str) -> Probl
 
 
 def mending_remedy(samples: npt.NDArray[Any]) -> str:
-    """Return what mends numbers, shape (n,), some of which are missing: cutting only where much is left."""
+    """Return what mends numbers, shape (n,), any unit, some missing: cutting only where much is left."""
     ends = np.flatnonzero(~np.isfinite(np.ma.filled(samples.astype(float), np.nan)))
     longest = np.max(np.diff(np.r_[-1, ends, samples.size])) - 1
     return CUT_OR_FILL if longest > LEFT_BY_A_CUT * samples.size else FILL
