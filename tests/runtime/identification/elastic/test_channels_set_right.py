@@ -20,6 +20,9 @@ from modelgen.runtime.identification.elastic.channel_errors import (
     gears,
 )
 from modelgen.runtime.identification.elastic.joint_effects import pulled_size
+from modelgen.runtime.identification.methods import Auto
+from modelgen.runtime.identification.options import CheckOptions, Filters
+from modelgen.runtime.identification.task import prepared
 from modelgen.runtime.iv.model_errors import delay_effect, zero_effect
 from modelgen.runtime.least_squares.time_shifts import shift
 from modelgen.runtime.model.model import Model, model_from_text
@@ -163,6 +166,30 @@ def test_commands_that_are_held_are_told_in_one_sentence() -> None:
     (said,) = right.advice
     assert "tau_1, tau_2 are commands which the drive holds" in said.what
     assert "--held tau_1 --held tau_2" in said.remedy
+
+
+def test_drives_of_a_machine_are_likely_to_hold_alike_but_none_that_is_late() -> None:
+    model, read, _ = made()
+    early, late = delay_effect("tau_1"), delay_effect("tau_2")
+    task: Any = SimpleNamespace(model=model, records=(Record(read, FS),))
+    right: Any = None
+    for known, held in (
+        ({}, []),
+        ({early: -5e-4}, [("tau_1", "tau_2"), ("tau_1",)]),
+        ({early: -5e-4, late: 2e-3}, [("tau_1",)]),
+        ({early: -5e-4, late: -5e-4}, [("tau_1", "tau_2")]),
+    ):
+        assert channels_set_right._held(channels_set_right._Aligned(task, known, right, 0.0)) == held
+
+
+def test_channels_are_set_right_where_no_point_comes_to_rest_on_the_way() -> None:
+    model, read, _ = made()
+    record = Record(read | {"tau_1": shift("tau_1", -1.0).whole(read["tau_1"])}, FS)
+    task = prepared(model, [record], Auto(), Filters(cutoff_hz=60.0), CheckOptions())
+    changed, right = channels_set_right.with_channels_set_right(task, lambda changed: None)
+    assert right is not None
+    assert right.late == (("tau_1", pytest.approx(1e-3, rel=0.02), pytest.approx(0.0, abs=1e-4)),)
+    assert changed.records[0] is not record
 
 
 def test_what_noise_moves_a_size_by_is_known() -> None:
