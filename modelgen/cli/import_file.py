@@ -15,6 +15,7 @@ from modelgen.errors import DataError, Problem, aligned, listed, shortened
 from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.joined.joined_source import SEPARATOR, open_record, paths_of
 from modelgen.runtime.files.source import Columns, Source
+from modelgen.runtime.files.timestamps import counter_said, gone_on
 from modelgen.runtime.files.units import unit_from_text
 from modelgen.runtime.records.channel_checks import zero_faults
 from modelgen.runtime.records.faults import Finding, clock_faults, reading_faults, time_faults
@@ -51,6 +52,10 @@ def describe_file(path: Path, model: Model | None) -> Description:
         said = f"{times} is taken as the column of times, as it rises evenly: check it"
         timed = {name: times for name in source.names if name != times}
         source = replace(source, clocks=timed, took=(*source.took, said))
+    clocks = {source.clock, *source.clocks.values()} & columns.keys()
+    on = {name: gone_on(columns[name]) for name in columns if name in clocks}
+    full = [said for name in on for said in counter_said(name, columns[name], on[name])]
+    source = replace(source, took=(*source.took, *full))
     still = [name for name, values in columns.items() if values.size and np.ptp(values) == 0.0]
     proposed = with_reversed(propose(source, model, still), model, columns)
     factor, unit = _time_unit(source, columns)
@@ -164,7 +169,7 @@ def _findings(
     source: Source, columns: dict[str, Any], proposed: tuple[Proposed, ...], factor: float
 ) -> tuple[Finding, ...]:
     clocks = dict.fromkeys([*source.clocks.values(), *([source.clock] if source.clock else [])])
-    times = {name: columns[name] * factor for name in clocks if name in columns}
+    times = {name: gone_on(columns[name]) * factor for name in clocks if name in columns}
     findings = [finding for name, column in times.items() for finding in time_faults(name, column)]
     used = {entry.key: entry.column for entry in proposed if entry.column in columns}
     own = {

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from modelgen.array_types import FloatArray
+
 _DATE = (
     r"(?:(?P<year>\d{4})[-/](?P<month>\d\d?)[-/](?P<day>\d\d?)|(?P<D>\d\d?)\.(?P<M>\d\d?)\.(?P<Y>\d{4})"
     r"|(?P<one>\d\d?)/(?P<other>\d\d?)/(?P<Y4>\d{4}))"
@@ -32,6 +34,8 @@ _DAY_ALONE = re.compile(_DATE)
 _CLOCK_ALONE = re.compile(_CLOCK + ":")
 _DAY_NS, _HOUR_NS = 86_400 * 10**9, 3600 * 10**9
 MOST_DIGITS = 15  # which a double holds
+COUNTER_BITS = (16, 24, 31, 32)  # which the counters of controllers have
+NEAR_STEPS = 3.0  # across a counter's end: what falls by another amount is no counter that is full
 LONGEST_COUNT = 30  # digits; what is longer counts no time
 _FIRST_DAY = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -84,6 +88,34 @@ def time_since(first: str) -> Callable[[str], float]:
         return (found - start) / per_unit
 
     return time
+
+
+def gone_on(counts: FloatArray) -> FloatArray:
+    """Return counts of a clock, shape (n,), any unit, that go on where its counter began again.
+
+    A counter of 16, 24, 31 or 32 bits falls by all that it holds, but for a step. Other times are returned as
+    they are.
+    """
+    if not np.isfinite(counts).all():
+        return counts
+    steps = np.diff(counts)
+    begun = steps < 0.0
+    if not begun.any() or not np.any(steps > 0.0) or np.any(counts != np.floor(counts)):
+        return counts
+    step = float(np.median(steps[steps > 0.0]))
+    for size in (2.0**bits for bits in COUNTER_BITS):
+        across = steps[begun] + size
+        within = counts.min() >= 0.0 and counts.max() < size
+        if within and across.min() > 0.0 and across.max() < NEAR_STEPS * step < size / NEAR_STEPS:
+            return counts + size * np.concatenate(([0.0], np.cumsum(begun)))
+    return counts
+
+
+def counter_said(clock: str, counts: npt.NDArray[Any], on: FloatArray) -> tuple[str, ...]:
+    """Return that counts of a clock, shape (n,), any unit, began again and go `on`, if they did."""
+    if on.size == 0 or on[-1] == counts[-1]:
+        return ()
+    return (f"{clock} begins again, as a counter does that is full: it goes on",)
 
 
 def elapsed_s(values: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -77,7 +77,10 @@ _NAMES: dict[_Quantity, dict[str, float]] = {
         **{"microseconds": 1e-6, "min": 60.0, "minutes": 60.0, "h": 3600.0},
         **dict.fromkeys(("day", "days", "Tag", "Tage"), 86_400.0),
     },
-    _SPEED: {**dict.fromkeys(("1/min", "min^-1", "min-1", "upm"), _REVOLUTION / 60.0), "dps": _DEGREE},
+    _SPEED: {
+        **dict.fromkeys(("1/min", "min^-1", "min-1", "upm", "Umin", "u/min"), _REVOLUTION / 60.0),
+        **{"dps": _DEGREE, "rps": _REVOLUTION},
+    },
     (0, 1, 0, -1, ""): {"ms^-1": 1.0, "ms-1": 1.0},
     _ACCELERATION: {**dict.fromkeys(("g0", "gn"), STANDARD_GRAVITY), "ms^-2": 1.0, "ms-2": 1.0},
     (0, 0, 0, 0, "V"): {"volt": 1.0, "volts": 1.0},

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from modelgen.errors import listed
 from modelgen.runtime.files.matrix_columns import column_of_text
 from modelgen.runtime.files.source import Source, is_time_name
-from modelgen.runtime.files.units import Unit, states_no_unit, unit_from_text
+from modelgen.runtime.files.units import LONGEST_TITLE, Unit, states_no_unit, unit_from_text
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.directions import wanted_directions
 from modelgen.runtime.records.mapping_file import Proposed
@@ -141,9 +141,21 @@ def _proposed(want: _Wanted, column: str | None, source: Source, columns: Sequen
     why = f"{want.measures} of {want.body}: by its name" + (" and unit" if agrees else "")
     if want.measures == "force" and _is_set_point(_words(column)):
         why += "; it looks like a set point: take the measured one where there is one"
+    if inner := _unknown_unit(want, column, stated, columns):
+        why += f"; if {inner} is a unit, give {want.unit or 'SI'} per {inner} as its factor"
     if stated and want.unit and not agrees and not states_no_unit(stated):
         why += f"; in {stated}: give {want.unit} per {stated} as its factor"
     return Proposed(want.key, want.unit, column, stated, why)
+
+
+def _unknown_unit(want: _Wanted, column: str, stated: str | None, columns: Sequence[str]) -> str | None:
+    """Return what stands in brackets behind a name and may be a unit: words there may be a joint, too."""
+    match = re.fullmatch(r".*\S\s*\(([^()\d:,][^():,]*)\)", column) if len(column) <= LONGEST_TITLE else None
+    if stated or match is None or match[1].lower() in {want.body, *KNOWN_WORDS}:
+        return None
+    # "speed (elbow)" and "torque (elbow)" are of an elbow
+    others = sum(name.endswith(f"({match[1]})") for name in columns)
+    return match[1] if others == 1 else None
 
 
 def _wanted(model: Model) -> list[_Wanted]:

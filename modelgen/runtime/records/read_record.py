@@ -16,6 +16,7 @@ from modelgen.keyword_options import with_defaults
 from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.joined.joined_source import open_record
 from modelgen.runtime.files.source import Columns, Source
+from modelgen.runtime.files.timestamps import counter_said, gone_on
 from modelgen.runtime.records.channel_checks import (
     CUT_OR_FILL,
     FILL,
@@ -193,7 +194,8 @@ def read(
     name = name or source.name or source.path.stem
     record = Record(track.signals, rate, name, source.tag if tag is None else tag, units_of_numbers(picks))
     slow = slow_times(label, rate) if stated is None and not known else ()
-    return Reading(record, (*taken_for(source, picks), *slow), findings, track.said)
+    full = [said for name, on in as_float.items() for said in counter_said(name, loaded[name], on)]
+    return Reading(record, (*taken_for(source, picks), *full, *slow), findings, track.said)
 
 
 def _load(source: Source, picks: Sequence[Pick], clocks: Sequence[str], optional: bool) -> Columns:
@@ -247,7 +249,7 @@ def _times(
         return None
     if loaded[clock].size == samples.size and loaded[clock].dtype.kind in "iuf":
         if clock not in as_float:
-            as_float[clock] = loaded[clock].astype(float)
+            as_float[clock] = gone_on(loaded[clock].astype(float))
         return as_float[clock]
     if not given:
         return None

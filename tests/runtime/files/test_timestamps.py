@@ -11,7 +11,7 @@ import pandas
 import pytest
 
 from modelgen.errors import DataError
-from modelgen.runtime.files.timestamps import is_date, nanoseconds, time_since
+from modelgen.runtime.files.timestamps import gone_on, is_date, nanoseconds, time_since
 from modelgen.runtime.records.dataframe import record_from_frame
 from modelgen.runtime.records.read_record import read
 
@@ -185,3 +185,22 @@ def test_minutes_and_seconds_go_on_after_the_hour(tmp_path: Path) -> None:
 def test_hours_and_minutes_alone_are_no_times(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="line 2, column Timestamp: is '12:30', no number; write times in s"):
         read(table(tmp_path, ",", ["12:30"] * N), time="Timestamp")
+
+
+@pytest.mark.parametrize("bits", [16, 24, 31, 32])
+def test_a_counter_that_is_full_goes_on(tmp_path: Path, bits: int) -> None:
+    counts = (2**bits - 10_125 + 250 * np.arange(3 * N)) % 2**bits
+    rows = [f"{count},{np.sin(k / 7.0):.9f}" for k, count in enumerate(counts)]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["t_us,q_m", *rows]))
+    reading = read(path)
+    assert (reading.record.fs, reading.record.n, reading.findings) == (4000.0, 3 * N, ())
+    assert "t_us begins again, as a counter does that is full: it goes on" in reading.took
+
+
+def test_times_that_fall_by_another_amount_are_not_taken_for_a_counter() -> None:
+    for fall in (65_000, 2**16 + 400, 2**20):
+        counts = np.r_[np.arange(200_000, 260_000, 100), np.arange(260_000, 261_000, 100) - fall].astype(
+            float
+        )
+        assert gone_on(counts) is counts

@@ -124,6 +124,15 @@ def test_what_is_logged_as_something_else_is_proposed_with_the_factor_that_it_ne
     assert f"# factor = ...  # {wanted} per {unit}" in mapping_text("a", entries, None, None, None, ())
 
 
+def test_what_may_be_a_unit_in_brackets_is_asked_for() -> None:
+    columns = ("t", "q_m (Uml)", "q_c (load)", "Gamma_m (NM)")
+    why = {e.key: e.why for e in propose(Source(Path("a"), columns, lambda asked: {}), QC)}
+    assert "if Uml is a unit, give rad per Uml" in why["q_m"] and "if NM is a unit" in why["Gamma_m"]
+    assert "is a unit" not in why["q_c"]
+    places = ("q_m (elbow)", "Gamma_m (elbow)", "q_c (load)")
+    assert not any("is a unit" in e.why for e in propose(Source(Path("a"), places, lambda asked: {}), QC))
+
+
 def test_inputs_and_outputs_are_proposed_by_their_place() -> None:
     for names in (["y(:,1)", "y(:,2)", "u"], ["u[:,0]", "y[:,0]", "y[:,1]"]):
         found = proposed(QC, names)
