@@ -61,8 +61,11 @@ class BlockProduct:
         tables, count = self.tables, out.shape[1]
         block, n, halo = tables.block, tables.powers.shape[1], tables.halo
         low = origin - tables.before - halo * block
-        whole = window(samples, low, low + (count + 2 * halo - 1) * block + tables.window)
-        parts = product(_windows(whole, block, tables.window), self.near)
+        lines = count + 2 * halo
+        whole = window(samples, low, low + (lines - 1) * block + tables.window)
+        parts = product(_lines(whole, block, lines, block), self.near[:block])
+        if (beyond := tables.window - block) > 0:
+            parts += product(_lines(whole[block:], block, lines, beyond), self.near[block:])
         # both states at once: the one that runs backward runs forward in turned time
         both = np.empty((2, len(parts), n))
         both[0], both[1] = parts[:, :n], parts[::-1, n : 2 * n]
@@ -136,13 +139,8 @@ def scan(states: FloatArray, powers: FloatArray) -> None:
         hop *= 2
 
 
-def _windows(samples: FloatArray, block: int, wide: int) -> FloatArray:
-    """Return windows that begin a block after one another, shape (blocks, wide), of samples, shape (n,).
-
-    Copied where they overlap: a matrix product needs lines that do not.
-    """
-    if wide == block:
-        return samples.reshape(-1, block)
+def _lines(samples: FloatArray, block: int, count: int, wide: int) -> FloatArray:
+    """Return the first samples of blocks, shape (count, wide), of samples, shape (n,); a view of them."""
     samples = np.ascontiguousarray(samples, dtype=float)
-    step, count = samples.itemsize, (len(samples) - wide) // block + 1
-    return np.ndarray((count, wide), float, samples, strides=(block * step, step)).copy()
+    step = samples.itemsize
+    return np.ndarray((count, wide), float, samples, strides=(block * step, step))
