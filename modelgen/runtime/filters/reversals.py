@@ -26,7 +26,14 @@ def standstills(velocity: FloatArray, min_samples: int, threshold: float | None 
 
     `threshold` is the speed below which it does; by default that of these samples.
     """
-    still = np.abs(velocity) <= (standstill_threshold(velocity) if threshold is None else threshold)
+    least = standstill_threshold(velocity) if threshold is None else threshold
+    half = min_samples // 2
+    if half > 1:
+        # so long a stretch holds two neighbours of every half-th sample
+        few = np.abs(velocity[::half]) <= least
+        if not np.any(few[1:] & few[:-1]):
+            return np.zeros(len(velocity), dtype=bool)
+    still = np.abs(velocity) <= least
     if min_samples <= 1:
         return np.asarray(still)
     starts, stops = _stretches(still)

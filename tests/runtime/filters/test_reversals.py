@@ -79,3 +79,13 @@ def test_marks_are_those_that_one_would_make_by_hand(
     np.testing.assert_array_equal(turns(velocity, threshold), turned)
     near = [still[max(k - reach, 0) : k + reach + 1].any() for k in range(n)]
     np.testing.assert_array_equal(widen(still, reach), near)
+
+
+@pytest.mark.parametrize("least", [1, 2, 3, 4, 7, 30])
+def test_rests_are_found_wherever_they_begin(least: int) -> None:
+    for start in range(12):
+        for length in range(1, 40):
+            velocity = np.ones(100)
+            velocity[start : start + length] = 0.0
+            wanted = (velocity == 0.0) & (length >= least)
+            np.testing.assert_array_equal(standstills(velocity, least, 0.5), wanted)
