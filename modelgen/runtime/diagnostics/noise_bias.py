@@ -120,8 +120,8 @@ def _of_row(model: Model, records: Sequence[Record], choice: FilterChoice, fit: 
     record, size = records[block.record], fit.weights[index] ** 2
     # instruments keep what drives report from biasing the columns of their gains
     free = {one.key for one in model.actuators} if fit.projected is not None else set()
-    place = np.full(len(model.base_parameters), -1)
-    place[[model.base_parameters.index(name) for name in fit.columns]] = np.arange(c)
+    places = {name: at for at, name in enumerate(fit.columns)}
+    place = np.array([places.get(name, -1) for name in model.base_parameters])
     ways = noise_ways(model, record, choice, choice.decimation[block.record])[block.row]
     own = np.flatnonzero(place[ways.columns] >= 0)
     at, crossed = place[ways.columns[own]], np.zeros(c)

@@ -58,9 +58,13 @@ class JointWhitener:
         A row that is predicted from others has their columns as well.
         """
         found = []
+        moved = [bool(part.any()) for part in samples]
         for row, one in enumerate(self.together):
             others = {row} if one is None else {row, *(other for other, _ in one.terms)}
             every = np.unique(np.concatenate([places[other] for other in sorted(others)]))
+            if not any(moved[other] for other in others):  # what moves one body is in few rows
+                found.append((np.zeros((len(samples[row]), len(every))), every))
+                continue
             wide = list(samples)
             for other in others:
                 if len(every) > len(places[other]):

@@ -178,3 +178,16 @@ def test_a_record_whose_noise_has_another_colour_keeps_its_own() -> None:
         for ours, theirs in zip(one(parts.residuals), own(parts.residuals), strict=True):
             # in tenths of a percent: what a row is predicted from is found in both records
             assert float(ours @ ours) == pytest.approx(float(theirs @ theirs), rel=0.05)
+
+
+def test_what_is_in_few_rows_is_made_white_as_if_all_had_something() -> None:
+    white, _, places = whitened(2, 6)
+    rng, only = np.random.default_rng(1), np.zeros(1, dtype=np.int64)
+    noise = [rng.standard_normal((len(place), 1)) for place in places]
+    alone = [part if row == 1 else np.zeros_like(part) for row, part in enumerate(noise)]
+    rest = [part - own for part, own in zip(noise, alone, strict=True)]
+    every, few, others = (white.columns(one, [only] * 6) for one in (noise, alone, rest))
+    assert any(part.any() for part, _ in few)
+    assert not all(part.any() for part, _ in few)
+    for (whole, _), (one, _), (other, _) in zip(every, few, others, strict=True):
+        np.testing.assert_allclose(one + other, whole, atol=1e-12)
