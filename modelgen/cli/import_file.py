@@ -48,7 +48,8 @@ def describe_file(path: Path, model: Model | None) -> Description:
     source = replace(source, load=lambda names: _again(source_load, loaded, names))
     columns = {name: values.astype(float) for name, values in loaded.items() if values.dtype.kind in "iuf"}
     has_clocks = bool(source.clocks)
-    if source.clock is None and source.fs is None and (times := _rising(columns)):
+    channels = [entry.column for entry in propose(source, model) if entry.column is not None]
+    if source.clock is None and source.fs is None and (times := _rising(columns, channels)):
         said = f"{times} is taken as the column of times, as it rises evenly: check it"
         timed = {name: times for name in source.names if name != times}
         source = replace(source, clocks=timed, took=(*source.took, said))
@@ -134,13 +135,18 @@ def _describe(source: Source, name: str, values: Any) -> Description:
     }
 
 
-def _rising(columns: Columns) -> str | None:
-    """Return the column that rises by equal steps, if one does; steps of 1 may count samples."""
+def _rising(columns: Columns, channels: Sequence[str]) -> str | None:
+    """Return the column that rises by equal steps, if one does; steps of 1 may count samples.
+
+    Of several it is the one in the structure or group of all channels, "run1.t" of "run1.q_m".
+    """
     found = []
     for name, values in columns.items():
         steps = np.diff(values)
         if steps.size > 1 and 0.0 < steps.min() != 1.0 and np.ptp(steps) <= EVEN * steps.min():
             found.append(name)
+    if len(found) > 1 and len(groups := {name.rpartition(".")[0] for name in channels}) == 1:
+        found = [name for name in found if name.rpartition(".")[0] in groups]
     return found[0] if len(found) == 1 else None
 
 

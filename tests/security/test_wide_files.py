@@ -18,6 +18,7 @@ from modelgen.cli.import_file import MOST_LINES, describe_file, import_lines
 from modelgen.errors import DataError
 from modelgen.runtime.files.formats import open_source
 from modelgen.runtime.files.size_limits import MOST_COLUMNS
+from modelgen.runtime.files.text_lines import LONGEST_LINE  # imported before a test sets other limits
 from modelgen.runtime.records.read_record import read_record
 
 T = np.arange(6) / 100.0
@@ -183,7 +184,7 @@ REFUSED: dict[str, tuple[str, Callable[[], bytes], str]] = {
     "a line without an end": (
         "a.csv",
         lambda: b"1,2,3," * 1_000_000,
-        "a line of more than 5000000 characters",
+        f"a line of more than {LONGEST_LINE} characters",
     ),
     "a later line without an end": ("a.csv", lambda: b"t,q\n0,1\n1,2\n" + b"x" * 7_000_000, "a line of more"),
     "a million columns": ("a.csv", lambda: b"c," * 1_000_000 + b"c\n", r"holds 1000001 columns or more"),

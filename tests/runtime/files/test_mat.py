@@ -17,9 +17,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.io import loadmat, savemat, whosmat
 
+from generated import emps300_qm_qc
+from modelgen.cli.import_file import describe_file
 from modelgen.errors import DataError
 from modelgen.runtime.files.formats import open_source
 from modelgen.runtime.files.mat import open_variables
+from modelgen.runtime.model.model import model_from_module
 
 KINDS = ("f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "c16", "c8", "?")
 LEVEL4 = ("f8", "f4", "i4", "i2", "u2", "u1", "c16")
@@ -254,3 +257,13 @@ def test_cells_are_read_by_the_places_of_their_arrays(tmp_path: Path, packed: bo
     source = open_source(path)
     assert source.names == ("c{1}", "c{3}")
     np.testing.assert_array_equal(source.load(["c{3}"])["c{3}"], 2.0 * np.arange(5.0))
+
+
+def test_of_several_runs_in_a_file_the_times_are_those_of_the_channels(tmp_path: Path) -> None:
+    model = model_from_module(emps300_qm_qc)
+    samples = {key: np.sin(np.arange(50.0) + k) for k, key in enumerate(model.channels)}
+    runs = {f"run{k}": {"t": np.arange(50.0) / 1000.0 + k, **samples} for k in (1, 2)}
+    savemat(tmp_path / "a.mat", runs)
+    described = describe_file(tmp_path / "a.mat", model)
+    assert (described["time"], described["problems"]) == ("run1.t", [])
+    assert {entry["column"] for entry in described["channels"]} == {f"run1.{key}" for key in samples}
