@@ -9,6 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.derivatives import differentiate, integral
+from modelgen.runtime.filters.low_cosines import slowest
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.iv.companion_simulation import Further, Simulated
 from modelgen.runtime.iv.effect import DIRECTION, REVERSAL, Changes, Effect, curvature
@@ -91,7 +92,7 @@ def _late_direction(friction: Friction) -> Effect:
 
 def _link_effects(stiffness: str, bodies: tuple[str, ...]) -> Iterator[Effect]:
     pair = " and ".join(bodies)
-    bends, plays = _spring(stiffness, lambda d: d**3), _spring(stiffness, lambda d: -np.sign(d))
+    bends, plays = _spring(stiffness, lambda d: d * d * d), _spring(stiffness, lambda d: -np.sign(d))
     stiffens = Effect(f"stiffening of {stiffness}", "form", f"{stiffness} between {pair} stiffens",
                       f"{stiffness} between {pair} softens",
                       "compare amplitudes; give the link a stiffness3",
@@ -226,21 +227,20 @@ def _given(d: FloatArray, less: Callable[[FloatArray], FloatArray], low_hz: floa
 
     By no more than the largest there is: with a wrong size the steps may run away.
     """
-    slow, most = np.zeros_like(d), np.max(np.abs(d))
+    slow, most, count = np.zeros_like(d), np.max(np.abs(d)), _count_below(low_hz, len(d), fs)
     for _ in range(GIVEN_ROUNDS):
         more = np.clip(less(d - slow), -most, most)
-        slow = 0.5 * (slow + more - _above(more, low_hz, fs))
+        slow = 0.5 * (slow + slowest(more, count))
     return np.asarray(d - slow)
 
 
 def _above(samples: FloatArray, low_hz: float, fs: float) -> FloatArray:
-    """Return samples without their cosines below a frequency in Hz, shape (n,).
+    """Return samples without their cosines below a frequency in Hz, shape (n,)."""
+    return np.asarray(samples - slowest(samples, _count_below(low_hz, len(samples), fs)))
 
-    Least squares: a filter would begin with the first sample, be it a peak.
-    """
-    spectrum = np.fft.rfft(np.concatenate([samples, samples[::-1]]))
-    spectrum[: int(low_hz * 2 * len(samples) / fs)] = 0.0
-    return np.asarray(np.fft.irfft(spectrum, 2 * len(samples))[: len(samples)])
+
+def _count_below(low_hz: float, n: int, fs: float) -> int:
+    return int(low_hz * 2 * n / fs)
 
 
 def _without_drift(known: Sequence[tuple[float, Further]], fs: float) -> FloatArray:

@@ -1,0 +1,36 @@
+"""The slowest cosines of samples, by least squares: a filter would begin with the first sample, be it a peak."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.fft import dct, idct
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.filters.thresholds import COSINES_KEPT
+
+
+def slowest(samples: FloatArray, count: int) -> FloatArray:
+    """Return the sum of the first `count` cosines of samples, in their unit, shape (n,), of shape (n,).
+
+    The k-th one, from 0, has k half periods over all samples. A few are products with their table, in place
+    of transforms of a length that may have large prime factors.
+    """
+    n = len(samples)
+    if n * count <= COSINES_KEPT:
+        table = _cosines(n, min(count, n))
+        return np.asarray(table @ (samples @ table))
+    spectrum = dct(samples, norm="ortho")
+    spectrum[count:] = 0.0
+    return np.asarray(idct(spectrum, norm="ortho"))
+
+
+@lru_cache(maxsize=8)
+def _cosines(n: int, count: int) -> FloatArray:
+    """Return orthonormal cosines, a column each, shape (n, count)."""
+    half_periods = (np.arange(n)[:, None] + 0.5) / n * np.arange(count)
+    table = np.cos(np.pi * half_periods) * np.sqrt(2.0 / n)
+    table[:, :1] = np.sqrt(1.0 / n)
+    table.flags.writeable = False
+    return np.asarray(table)
