@@ -118,6 +118,13 @@ ALTERNATING, VISIBLE_NOISE = 0.6, 2.0
 REPEATED, NEARBY = 0.5, 32
 # A sensor that was stuck leaps to where the motion is by then: by this many of the largest usual steps.
 LEAP_AFTER_STUCK = {"position": 1.0, "velocity": 5.0}
+# A position stands while it moves on where the step behind is so many times those around, longer by so many
+# resolutions, and by so many usual changes of its speed (this percentile), as above. At a steady speed one
+# reading that is repeated makes the next step twice as long. It is no longer than so many times the way at
+# the larger speed.
+CAUGHT_UP, LEAST_CAUGHT_UP, USUAL_CHANGE_OF_SPEED, MOST_CAUGHT_UP = 1.5, 4.0, 0.95, 2.0
+# A channel with noise repeats a reading by fault from so many equal ones on.
+FEWEST_FROZEN = 3
 # Forces and accelerations repeat a reading by fault where fewer than this share of the others are repeated,
 # and the machine moves during most of the run.
 SELDOM, MOSTLY = 0.01, 0.9

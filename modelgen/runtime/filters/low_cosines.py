@@ -1,4 +1,7 @@
-"""The slowest cosines of samples, by least squares: a filter would begin with the first sample, be it a peak."""
+"""The slowest cosines of samples, by least squares.
+
+A filter would begin with the first sample, be it a peak.
+"""
 
 from __future__ import annotations
 

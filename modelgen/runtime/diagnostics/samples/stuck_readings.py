@@ -65,7 +65,12 @@ def equal_runs(samples: FloatArray) -> Runs:
 
 
 def faulty_runs(
-    samples: FloatArray, runs: Runs, measures: str, moving: BoolArray, ends: tuple[float, float]
+    samples: FloatArray,
+    runs: Runs,
+    measures: str,
+    moving: BoolArray,
+    ends: tuple[float, float],
+    shortest: int = SHORTEST_RUN,
 ) -> tuple[IntArray, IntArray]:
     """Return which runs (indices) are clipped readings and which are of a sensor that stuck.
 
@@ -79,13 +84,15 @@ def faulty_runs(
         Where the record's other channels say that the machine moves.
     ends : tuple of float
         Least and greatest reading of the whole record.
+    shortest : int
+        Readings of a sensor that stuck, at least.
     """
     if not runs.first.size:
         return runs.first, runs.first
     lengths, values = runs.lengths, samples[runs.first]
     extreme = (values == ends[0]) | (values == ends[1])
-    long = lengths >= _longest_by_chance(len(samples), lengths)
-    if _noisy(samples, runs):
+    long = lengths >= _longest_by_chance(len(samples), lengths, shortest)
+    if noisy(samples, runs):
         short = extreme & (lengths >= CLIPPED_RUN)
         clipped = np.flatnonzero(short & (long | (np.sum(short) > 1)))
         stuck = np.flatnonzero(long & ~extreme)
@@ -97,12 +104,12 @@ def faulty_runs(
     # at a limit the step into the run is cut short; the one before it is not
     before = _sudden(steps, bends, runs.first - 2, runs.first - 3, full) | (runs.first == 0)
     after = _sudden(steps, bends, runs.last + 1, runs.last + 1, full) | (runs.last == len(samples) - 1)
-    bent = np.maximum(_at(bends, runs.first - 3), _at(bends, runs.last + 1)) > STRAIGHT * full
+    bent = np.maximum(step_at(bends, runs.first - 3), step_at(bends, runs.last + 1)) > STRAIGHT * full
     short = extreme & (lengths >= CLIPPED_RUN)
     clipped = short & bent & ((before & after) | _only_there(short, lengths, len(samples)))
     if measures in LEAP_AFTER_STUCK:
         largest = max(full, float(np.quantile(excerpt(steps), 0.99)))
-        wrong = _at(steps, runs.last) > LEAP_AFTER_STUCK[measures] * largest
+        wrong = step_at(steps, runs.last) > LEAP_AFTER_STUCK[measures] * largest
         if measures == "position":
             wrong |= _sudden(steps, bends, runs.first - 1, runs.first - 2, full)
     else:
@@ -110,7 +117,7 @@ def faulty_runs(
         moved = np.concatenate([[0], np.cumsum(moving)])
         wrong = seldom & (moved[runs.last + 1] - moved[runs.first] > MOSTLY * lengths)
         # at a crest the readings of a coarse channel repeat, and do not leap afterwards
-        wrong &= (_at(steps, runs.last) > RESOLUTIONS * runs.resolution) | (runs.last == len(samples) - 1)
+        wrong &= (step_at(steps, runs.last) > RESOLUTIONS * runs.resolution) | (runs.last == len(samples) - 1)
         # a body that sticks is not accelerated
         wrong &= (measures != "acceleration") | (values != 0.0)
     return np.flatnonzero(clipped), np.flatnonzero(long & ~clipped & wrong)
@@ -167,19 +174,22 @@ def _only_there(short: BoolArray, lengths: IntArray, n: int) -> bool:
     return bool(there >= OFTEN and elsewhere <= RARELY * there and np.sum(lengths[short]) < 0.5 * n)
 
 
-def _longest_by_chance(n: int, lengths: IntArray) -> float:
+def _longest_by_chance(n: int, lengths: IntArray, shortest: int) -> float:
     """Return the length from which on a run does not come about by itself.
 
     How often neighbours are equal is counted without the longest run: it may be the fault that is looked for.
     """
     equal = float(np.sum(lengths - 1) - (lengths.max(initial=1) - 1)) / n
     if equal <= 0.0:
-        return float(SHORTEST_RUN)
-    return max(float(SHORTEST_RUN), 1.0 + float(np.log(CHANCE / n) / np.log(min(equal, 0.999))))
+        return float(shortest)
+    return max(float(shortest), 1.0 + float(np.log(CHANCE / n) / np.log(min(equal, 0.999))))
 
 
-def _noisy(samples: FloatArray, runs: Runs) -> bool:
-    """Return whether there is noise larger than the resolution: readings then hardly ever repeat."""
+def noisy(samples: FloatArray, runs: Runs) -> bool:
+    """Return whether readings, shape (n,), in any unit, have noise larger than their resolution.
+
+    They then hardly ever repeat.
+    """
     fourth = np.diff(excerpt(samples), 4)
     fourth = fourth[fourth != 0.0]
     if len(fourth) < SHORTEST_RUN:
@@ -198,11 +208,11 @@ def _full_speed(steps: FloatArray, bends: FloatArray, resolution: float) -> floa
 
 def _sudden(steps: FloatArray, bends: FloatArray, step: IntArray, bend: IntArray, full: float) -> BoolArray:
     """Return which steps are at full speed and do not change as they would if something slowed down there."""
-    found = _at(steps, step)
-    return np.asarray((found > full) & (found > USUAL_CHANGES * _at(bends, bend)))
+    found = step_at(steps, step)
+    return np.asarray((found > full) & (found > USUAL_CHANGES * step_at(bends, bend)))
 
 
-def _at(steps: FloatArray, places: IntArray) -> FloatArray:
-    """Return the steps at these places; 0 beyond the ends."""
+def step_at(steps: FloatArray, places: IntArray) -> FloatArray:
+    """Return the steps, in any unit, shape (n,), at these places; 0 beyond the ends."""
     inside = (places >= 0) & (places < len(steps))
     return np.where(inside, steps[np.where(inside, places, 0)], 0.0) if steps.size else np.zeros(len(places))

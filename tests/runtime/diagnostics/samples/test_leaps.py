@@ -8,7 +8,7 @@ import pytest
 from generated import three_mass_va_vb_vc
 from modelgen.report.page import report_page
 from modelgen.runtime.curves.rebuilt import rebuild
-from modelgen.runtime.diagnostics.samples.leaps import leaps_of, without_leaps
+from modelgen.runtime.diagnostics.samples.leaps import leaps_of, told_leaps, without_leaps
 from modelgen.runtime.diagnostics.thresholds import MOST_CUTS
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.model.model import model_from_module
@@ -33,6 +33,15 @@ def wrong(record: Record, key: str, places: list[int], by: float) -> Record:
     samples = record.signals[key].copy()
     samples[places] += by
     return record.edited({key: samples})
+
+
+def standing(record: Record, keys: tuple[str, ...], places: list[int], more: int) -> Record:
+    """Return the record with a reading of some channels repeated for so many samples more."""
+    signals = {key: record.signals[key].copy() for key in keys}
+    for samples in signals.values():
+        for place in places:
+            samples[place + 1 : place + 1 + more] = samples[place]
+    return record.edited(signals)
 
 
 def test_of_sound_records_nothing_is_changed() -> None:
@@ -64,6 +73,56 @@ def test_wrong_readings_are_interpolated(places: list[int], in_file: bool) -> No
     assert np.count_nonzero(moved) <= 5 * len(places)
     assert np.max(np.abs(moved)) < 12.0 * NOISE["q_c"]
     assert mended.in_memory is not in_file
+
+
+@pytest.mark.parametrize("in_file", [False, True])
+@pytest.mark.parametrize("keys", [("q_c",), ("q_m", "q_c", "Gamma_m")])
+def test_frames_that_were_lost_are_interpolated(keys: tuple[str, ...], in_file: bool) -> None:
+    record, places = two_mass_records()[1], [2000, 2012, 2600, 3400]
+    lossy = standing(record, keys, places, 5)
+    if in_file:
+        lossy = Record.over(EditedChannels(lossy, lossy.name, lossy.n))
+    leaps = leaps_of(SMALL, lossy)
+    assert [(leap.first, leap.last, leap.keys) for leap in leaps] == [(p, p + 6, keys) for p in places]
+    (mended,) = without_leaps(SMALL, [lossy])
+    for key in keys:
+        moved = np.abs(mended.signals[key] - record.signals[key])
+        assert np.count_nonzero(moved) == 5 * len(places)
+        was = np.max(np.abs(lossy.signals[key] - record.signals[key]))
+        assert np.max(moved) < (12.0 * NOISE[key] if key != "Gamma_m" else was)
+    told = next(told_leaps(SMALL, lossy))
+    assert told.kind == "leap" and told.what.endswith("these readings are interpolated")
+
+
+def test_where_a_position_was_stuck_for_long_the_record_is_cut() -> None:
+    record = two_mass_records()[1]
+    parts = without_leaps(SMALL, [standing(record, ("q_c",), [2500], 40)])
+    assert [part.name for part in parts] == ["trapezoid from sample 0", "trapezoid from sample 2541"]
+    assert parts[0].n == 2501
+
+
+def test_a_mass_that_rests_or_sticks_does_not_stand_in_its_motion() -> None:
+    record = two_mass_records()[1]
+    coarse = {key: 1e-3 * np.round(record.signals[key] / 1e-3) for key in ("q_m", "q_c")}
+    t = np.arange(5000) / FS
+    slips = np.concatenate([np.full(500, 0.2), 0.2 + 3.0 * t**2])  # force breaks it away at once
+    sticks = {key: slips + noise for key, noise in (("q_m", 0.0), ("q_c", 1e-9))}
+    force = np.sin(np.arange(5500.0))
+    for one in (record.edited(coarse), Record({**sticks, "Gamma_m": force}, FS)):
+        assert leaps_of(SMALL, one) == ()
+
+
+def test_a_reading_that_is_lost_at_rest_or_next_to_another_is_interpolated() -> None:
+    t = np.arange(5000) / FS
+    moved = 1e-6 * np.round(1e6 * (0.3 + 0.2 * np.cumsum(np.sin(2.0 * np.pi * 3.0 * t).clip(0.0)) / FS))
+    record = Record({"q_m": moved, "q_c": moved, "Gamma_m": np.cos(t)}, FS)
+    resting = int(np.flatnonzero((np.diff(moved) == 0.0) & (t[1:] > 0.2))[40])
+    places = [resting, 2000, 2010]
+    lost = record.signals["q_c"].copy()
+    for place in places:
+        lost[place : place + 3] = 0.0
+    (mended,) = without_leaps(SMALL, [record.edited({"q_c": lost})])
+    np.testing.assert_allclose(mended.signals["q_c"], record.signals["q_c"], atol=4e-6)
 
 
 def test_a_record_is_cut_where_samples_are_missing() -> None:
