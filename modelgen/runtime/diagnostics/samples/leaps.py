@@ -251,10 +251,12 @@ def _bridge(record: Record, key: str, leaps: Sequence[Leap], degree: int) -> Edi
     for leap in here:
         start, stop = max(leap.first - FITTED + 1, 0), min(leap.last + FITTED, record.n)
         at = start + np.flatnonzero(known[start:stop])
-        sides = np.count_nonzero(at <= leap.first), np.count_nonzero(at >= leap.last)
+        fewer = min(int(np.sum(at <= leap.first)), int(np.sum(at >= leap.last)))
+        if not at.size:  # all about it is wrong
+            continue
         between = np.arange(leap.first + 1, leap.last)
         samples = record.read(key, start, stop)[at - start]
-        fitted = np.polynomial.Polynomial.fit(at, samples, min(degree, 2 * min(sides) - 1))
+        fitted = np.polynomial.Polynomial.fit(at, samples, min(degree, max(2 * fewer - 1, 0)))
         places += between.tolist()
         values += fitted(between).tolist()
     wrong, right = np.array(places), np.array(values)
