@@ -38,7 +38,8 @@ def with_wider_directions(begun: Begun) -> Begun:
     """Return instruments with directions of a band twice as wide, where rows leave less with those.
 
     As they are otherwise, where the user gave a cut-off for directions, and where every sample feels a
-    reversal: a simulation knows better there.
+    reversal: a simulation knows better there. Where every sample feels one only in the wider band, the
+    narrow one has swallowed reversals.
     """
     task, fit = begun.task, begun.found.fit
     given = task.filters.direction_cutoff_hz is not None or task.filters.directions
@@ -55,8 +56,10 @@ def with_wider_directions(begun: Begun) -> Begun:
     lowest_fs = min(record.fs for record in task.records)
     for choice, found in other_direction(task.choice, lowest_fs, again):
         other = found.found.fit
-        alike = not other.turning and other.columns == fit.columns
-        if found is begun or not alike or judge(found.task.job, other) > CLEARLY_LESS:
+        if found is begun or other.columns != fit.columns:
+            continue
+        # what uses samples near reversals leaves more for that: the solution there was is judged
+        if judge(found.task.job, fit if other.turning else other) > CLEARLY_LESS:
             continue
         before, after = (direction_sentence(one.direction_cutoff_hz, False) for one in (task.choice, choice))
         after = f"{after[:-1]}: rows leave more with a narrower band."
