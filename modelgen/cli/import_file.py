@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modelgen.cli.reversed_sensors import with_reversed
-from modelgen.errors import DataError, Problem, aligned, listed, shortened
+from modelgen.errors import DataError, Problem, aligned, listed, shortened, visible
 from modelgen.runtime.files.child_process.reader_process import DeadlyFileError
 from modelgen.runtime.files.joined.joined_source import SEPARATOR, open_record, paths_of
 from modelgen.runtime.files.source import Columns, Source
@@ -260,7 +260,7 @@ def import_lines(described: Description, written: Path | None, module: Path | No
             shlex.quote(str(path)) for path in (described["file"], module or "MODULE.py", written)
         )
         lines.append(f"  modelgen identify {data} --model {model} --map-file {mapping} --report report.html")
-    return lines
+    return [visible(line) for line in lines]  # a name with line breaks is one line
 
 
 def _taken(entry: Description) -> str:

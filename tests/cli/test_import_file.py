@@ -80,6 +80,14 @@ def test_import_prints_columns_units_and_the_next_command(bench: Path) -> None:
     assert mapping.time_unit == "ms"
 
 
+def test_a_file_whose_name_has_line_breaks_adds_no_lines(tmp_path: Path) -> None:
+    file = tmp_path / "x\nproblem: none.csv"
+    file.write_text("t,a\n0,1\n1,2\n2,4\n", encoding="utf-8")
+    printed = run("import", file, "-o", tmp_path / "x.toml").stdout.splitlines()
+    assert not [line for line in printed if line.startswith("problem: none")]
+    assert printed[0].endswith("x\\nproblem: none.csv")
+
+
 def test_a_unit_in_the_map_file_counts_and_must_be_of_the_channels_quantity(bench: Path) -> None:
     mapped = bench / "units.toml"
     columns = {"q_m": "Winkel Motor", "a_c": "Beschl Last", "Gamma_m": "Drehmoment"}

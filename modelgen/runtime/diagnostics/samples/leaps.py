@@ -105,7 +105,9 @@ def told_leaps(model: Model, record: Record) -> Iterator[Advice]:
             yield Advice("leap", where, what, "record again, or give it in parts")
     if len(leaps) > LISTED:
         where = f"{record.name}, samples {leaps[LISTED].first} to {leaps[-1].last}"
-        yield Advice("leap", where, f"holds {len(leaps) - LISTED} more leaps", "check how it was recorded")
+        more = len(leaps) - LISTED
+        what = f"holds {more} more {'leap' if more == 1 else 'leaps'}"
+        yield Advice("leap", where, what, "check how it was recorded")
 
 
 def _all_leaps(model: Model, record: Record) -> tuple[Leap, ...]:
