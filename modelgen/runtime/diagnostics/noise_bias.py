@@ -3,8 +3,9 @@
 Noise in the columns of W does not average out: it adds its own power, N = E[dW^T dW], to W^T W, and
 E[dW^T dY] to W^T Y. What least squares would have found without them is (W^T W - N)^-1 (W^T Y - E[dW^T dY])
 (Fuller 1987, ch. 1). Of columns that are not linear in the readings noise moves the mean, too: the square
-of a noisy speed is too large. What that adds to residuals, times W, is added to E[dW^T dY]. The noises are
-those of `noise_floor`, white before filter and derivatives.
+of a noisy speed is too large. What that adds to residuals, times W, is added to E[dW^T dY]. Where it is most
+of a column it is in N, too, and so is what the square varies by. The noises are those of `noise_floor`, white
+before filter and derivatives.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.noise_ways import NoiseWays, noise_ways
+from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.diagnostics.thresholds import (
     HARMLESS_BIAS,
@@ -27,6 +28,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     LOST_PART,
     LOST_SHARE,
     MOST_SHARES,
+    PRODUCTS_UNKNOWN,
     SAME_SHARE,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
@@ -97,25 +99,32 @@ def less_noise(
 
 def noise_effect(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit) -> NoiseEffect:
     """Return what noise of the sensors does to a fit, as large as their spectra say."""
-    shares = np.ones(len(fit.blocks))
+    every = []
     for index, block in enumerate(fit.blocks):
         # forces that are left open take noise below the cut-off with them
         band = min(1.0, 2.0 * choice.cutoff_hz * choice.decimation[block.record] / records[block.record].fs)
-        shares[index] = max(0.0, 1.0 - block.opened / (band * block.count))
-    every = [_of_row(model, records, choice, fit, index) for index in range(len(fit.blocks))]
-    return _summed(fit, every, shares)
+        closed = max(0.0, 1.0 - block.opened / (band * block.count))
+        every.append(_of_row(model, records, choice, fit, index, closed))
+    return _summed(fit, every, np.ones(len(every)))
 
 
 class _RowNoise(NamedTuple):
-    """What noise adds to W^T W, (k, k), and to W^T (Y - W X), (c,): the former of columns at some places."""
+    """What all noise, and products of it, add to W^T W, (k, k) at some places, and to W^T (Y - W X), (c,)."""
 
     at: IntArray
     added: FloatArray
+    squared: FloatArray
     crossed: FloatArray
 
 
-def _of_row(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit, index: int) -> _RowNoise:
-    """Return what all noise of the sensors adds to the products of a weighted block."""
+def _of_row(
+    model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fit, index: int, closed: float = 1.0
+) -> _RowNoise:
+    """Return what all noise of the sensors adds to the products of a weighted block.
+
+    `closed` is the share of noise that forces which are left open do not take with them; means of columns are
+    taken along what is left.
+    """
     block, c = fit.blocks[index], len(fit.columns)
     record, size = records[block.record], fit.weights[index] ** 2
     # instruments keep what drives report from biasing the columns of their gains
@@ -129,17 +138,19 @@ def _of_row(model: Model, records: Sequence[Record], choice: FilterChoice, fit: 
     for channel in ways.slopes:
         if channel in free:
             continue
-        noise = size * block.count * record.facts.spectrum(channel).noise
+        noise = closed * size * block.count * record.facts.spectrum(channel).noise
         shared = ways.products(channel, noise_band(record, choice))
         added += noise * shared[np.ix_(own, own)]
         crossed[at] += noise * shared[own, -1]
-    return _RowNoise(at, added, crossed + size * _lifted(model, ways, fit, block, c))
-
-
-def _lifted(model: Model, ways: NoiseWays, fit: Fit, block: RowBlock, columns: int) -> FloatArray:
-    """Return the products of a block's columns with what noise adds to its residual, (columns,)."""
-    lifted = ways.of_residual(fit.all_parameters(model.base_parameters)).means[0]
-    return _along_columns(block, ways.at, lifted, columns)
+    # products of noise: means of columns, which are in W, and what is about them
+    means = size * _along_columns(block, ways.at, ways.means, c)
+    even = 0.5 * (means[at][:, own] + means[at][:, own].T)
+    spread = closed * size * block.count * ways.spread
+    squared = even + spread[np.ix_(own, own)]
+    x = fit.all_parameters(model.base_parameters)
+    crossed += means @ np.append(-x[ways.columns], 1.0)
+    crossed[at] += even @ x[ways.columns[own]] + spread[own, -1]
+    return _RowNoise(at, added + squared, squared, crossed)
 
 
 def lifted_along(
@@ -155,11 +166,11 @@ def lifted_along(
         Of the other columns, in the order of those of the fit, in SI.
     """
     width = blocks[0].W.shape[1] if blocks else 0
-    total = np.zeros(width)
+    total, x = np.zeros(width), fit.all_parameters(model.base_parameters)
     for index, (own, block) in enumerate(zip(fit.blocks, blocks, strict=True)):
         ways = noise_ways(model, records[own.record], choice, choice.decimation[own.record])[own.row]
         share = _left(model, records, choice, fit, index) * fit.weights[index] ** 2
-        total += share * _lifted(model, ways, fit, block, width)
+        total += share * _along_columns(block, ways.at, ways.of_residual(x).means, width)[:, 0]
     return total
 
 
@@ -175,37 +186,41 @@ def _left(model: Model, records: Sequence[Record], choice: FilterChoice, fit: Fi
 def _summed(fit: Fit, every: Sequence[_RowNoise], shares: FloatArray) -> NoiseEffect:
     """Return what so much of the noise of every row does to the solution; shares, shape (blocks,)."""
     c = len(fit.columns)
-    added, crossed = np.zeros((c, c)), np.zeros(c)
+    added, squared, crossed = np.zeros((c, c)), np.zeros((c, c)), np.zeros(c)
     for one, share in zip(every, shares.tolist(), strict=True):
         added[np.ix_(one.at, one.at)] += share * one.added
+        squared[np.ix_(one.at, one.at)] += share * one.squared
         crossed += share * one.crossed
-    return _without_noise(fit, added, crossed)
+    return _without_noise(fit, added, crossed, squared)
 
 
 def _along_columns(
     block: RowBlock, stretches: Sequence[range], lifted: FloatArray, columns: int
 ) -> FloatArray:
-    """Return the products of a row's columns with what noise adds to its residual on average, shape (c,).
+    """Return the products of a row's columns with what noise adds on average to others, shape (c, others).
 
-    `lifted`, shape (samples,), is that in stretches of the record; they stand for all of it.
+    `lifted`, shape (others, samples), is that in stretches of the record; they stand for all of it.
     """
-    total, used = np.zeros(columns), 0
+    total, used = np.zeros((columns, len(lifted))), 0
     if not lifted.any():
         return total
     touched = np.arange(columns) if block.touched is None else block.touched
-    for one, values in zip(stretches, np.split(lifted, len(stretches)), strict=True):
+    for one, values in zip(stretches, np.split(lifted, len(stretches), axis=1), strict=True):
         first = round((one.start - block.start) / one.step)
         rows = block.between(max(first, 0), first + len(one))
-        total[touched] += rows.W.T @ values[rows.place - first]
+        total[touched] += rows.W.T @ values.T[rows.place - first]
         used += len(rows.place)
     return total * (block.count / max(used, 1))
 
 
-def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> NoiseEffect:
+def _without_noise(
+    fit: Fit, added: FloatArray, crossed: FloatArray, squared: FloatArray | float = 0.0
+) -> NoiseEffect:
     """Return what N = `added`, shape (c, c), and E[dW^T dY] = `crossed`, shape (c,), do to the solution.
 
     In the directions in which N and W^T W are both diagonal, each is attenuated by the share of it that is
-    no noise. Where hardly any of a direction is, that share is not known: what has a part in it is lost.
+    no noise. Where hardly any of a direction may be (what products of noise, `squared`, are of it is known
+    worse), that is not known: what has a part in it is lost, and what moves with it by more than chance.
     """
     x, inverse = fit.solution.x, fit.solution.inverse
     scale = np.sqrt(np.maximum(np.diag(inverse), np.finfo(float).tiny))
@@ -220,9 +235,13 @@ def _without_noise(fit: Fit, added: FloatArray, crossed: FloatArray) -> NoiseEff
     found = scale * (along @ (seen / signal))
     spread = scale[:, None] * ((along / np.sqrt(signal)) @ back.T) / scale
     inverse = (along / signal) @ along.T * np.outer(scale, scale)
-    # a parameter over its scale is a unit vector in these directions
-    part = np.sum(along[:, share > 1.0 - LEAST_SIGNAL] ** 2, axis=1)
-    bias = np.where(part > LOST_PART, np.inf, x - found)
+    # over its scale, a standard deviation as rows are weighted, a parameter is a unit vector here
+    doubt = np.sum(along * (scale[:, None] * squared * scale @ along), axis=0) if np.ndim(squared) else 0.0
+    lost = share + PRODUCTS_UNKNOWN * np.abs(doubt) > 1.0 - LEAST_SIGNAL
+    part = np.sum(along[:, lost] ** 2, axis=1)
+    least = np.abs(along[:, lost] @ (seen * (1.0 / signal - 1.0))[lost])
+    moved = least > np.maximum(LEAST_DEVIATIONS, LEAST_BIAS * np.abs(x / scale))
+    bias = np.where((part > LOST_PART) | moved, np.inf, x - found)
     return NoiseEffect(bias, spread, inverse, float(share.max(initial=0.0)))
 
 

@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
-from modelgen.runtime.diagnostics.noisy_lines import NoisyLines
+from modelgen.runtime.diagnostics.noisy_lines import NoisyLines, NoisySquares
 from modelgen.runtime.diagnostics.thresholds import SLOPE_SAMPLES, SLOPE_STRETCHES
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import NoiseBand
@@ -44,6 +44,8 @@ class NoiseWays:
         side; there is one sample where all are linear.
     means : array, shape (c + 1, samples)
         What noise adds to each on average, to second order.
+    spread : array, shape (c + 1, c + 1)
+        Mean products of what products of noise add to columns and left side about that, behind the low-pass.
     at : tuple of range
         Where the samples are: stretches of the record's samples; none where all are linear.
     """
@@ -51,6 +53,7 @@ class NoiseWays:
     columns: IntArray
     slopes: Mapping[str, Mapping[int, FloatArray]]
     means: FloatArray
+    spread: FloatArray
     at: tuple[range, ...]
 
     def of_residual(self, x: FloatArray) -> NoiseWays:
@@ -60,7 +63,8 @@ class NoiseWays:
             channel: {order: (mixed @ slope)[None] for order, slope in by_order.items()}
             for channel, by_order in self.slopes.items()
         }
-        return NoiseWays(self.columns[:0], slopes, (mixed @ self.means)[None], self.at)
+        spread = (mixed @ self.spread @ mixed)[None, None]
+        return NoiseWays(self.columns[:0], slopes, (mixed @ self.means)[None], spread, self.at)
 
     def products(self, channel: str, band: NoiseBand) -> FloatArray:
         """Return the mean products of what noise of a channel adds to columns and left side, (c + 1, c + 1).
@@ -108,14 +112,14 @@ def noise_ways(model: Model, record: Record, choice: FilterChoice, factor: int) 
 def _found(model: Model, record: Record, choice: FilterChoice, factor: int) -> tuple[NoiseWays, ...]:
     kernel = model.kernel
     of_lines: Mapping[str, Mapping[Read, FloatArray]] = {}
-    means: Mapping[str, FloatArray] = {}
+    squares = NoisySquares({}, {})
     samples, orders, at = 1, dict[str, int](), tuple[range, ...]()
     if kernel is not None:
         at = _stretches(model, record, choice, factor)
         values = _values(model, kernel, record, choice, factor, at)
         samples, orders = SLOPE_STRETCHES * SLOPE_SAMPLES, dict(kernel.orders)
         lines = NoisyLines(kernel, values, {signal.channel for signal in _readings(model)})
-        of_lines, means = lines.slopes(), lines.means(partial(noise_in_front, kernel, record, choice))
+        of_lines, squares = lines.slopes(), lines.squares(partial(noise_in_front, kernel, record, choice))
     plain = {one.key: {(one.channel, one.derivative): np.ones(1)} for one in _readings(model)}
     found = []
     for touched, left in zip(model.regressor_columns, model.measurement_columns, strict=True):
@@ -130,10 +134,27 @@ def _found(model: Model, record: Record, choice: FilterChoice, factor: int) -> t
                 if times not in own:
                     own[times] = np.zeros((len(sums), samples))
                 own[times][place] += weight * slope
-            if key in means and not orders.get(key, 0):  # a mean changes slowly
-                added[place] += weight * means[key]
-        found.append(NoiseWays(np.array(list(touched), dtype=int), slopes, added, at))
+            if key in squares.means and not orders.get(key, 0):  # a mean changes slowly
+                added[place] += weight * squares.means[key]
+        spread = _products(squares.spread, sums, orders, samples)
+        found.append(NoiseWays(np.array(list(touched), dtype=int), slopes, added, spread, at))
     return tuple(found)
+
+
+def _products(
+    spread: Mapping[str, FloatArray], sums: Sequence[Terms], orders: Mapping[str, int], samples: int
+) -> FloatArray:
+    """Return the mean products of sums of lines, (sums, sums), whose spread is (axes, samples) each."""
+    total: FloatArray = np.zeros((len(sums), len(sums)))
+    made: dict[int, FloatArray] = {}
+    for place, terms in enumerate(sums):
+        for weight, key in terms:
+            if key in spread and not orders.get(key, 0):
+                made[place] = made.get(place, 0.0) + weight * spread[key].ravel()
+    if made:
+        table, at = np.array(list(made.values())), list(made)
+        total[np.ix_(at, at)] = table @ table.T / samples
+    return total
 
 
 def _readings(model: Model) -> list[Signal]:

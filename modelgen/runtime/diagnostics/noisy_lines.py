@@ -5,14 +5,63 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import combinations
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.diagnostics.thresholds import CHANGED_TOGETHER, SLOPE_STEP
+from modelgen.runtime.diagnostics.thresholds import (
+    CHANGED_TOGETHER,
+    FELT_SQUARES,
+    LEAST_LENGTH,
+    LEAST_PRODUCT,
+    MOST_AXES,
+    SLOPE_STEP,
+)
 from modelgen.runtime.model.arm_kernel import Kernel, Read
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.rows.kernel_lines import formed
+from modelgen.runtime.rows.noise_in_front import NoiseInFront
+
+
+@dataclass(frozen=True, eq=False)
+class NoisySquares:
+    """What products of noise add to lines, in SI.
+
+    Attributes
+    ----------
+    means : mapping of str to array, shape (samples,)
+        On average.
+    spread : mapping of str to array, shape (products, samples)
+        Rms of what varies about that behind the low-pass, of products that are uncorrelated.
+    """
+
+    means: Mapping[str, FloatArray]
+    spread: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseAxis:
+    """A principal axis of the derivatives of a channel's noise.
+
+    Attributes
+    ----------
+    channel : str
+    moved : mapping of (str, int) to array, shape (samples,) or ()
+        By how much one deviation along it moves what lines are made of, in SI.
+    length : float
+        One deviation, of derivatives each over its own.
+    mixed : array, shape (orders + late,)
+        How far noise is along it, in deviations, per unit of each derivative.
+    noise : NoiseInFront
+        These derivatives.
+    """
+
+    channel: str
+    moved: Mapping[Read, FloatArray]
+    length: float
+    mixed: FloatArray
+    noise: NoiseInFront
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,40 +113,61 @@ class NoisyLines:
                     ways[channel, order + more] = ways.get((channel, order + more), 0.0) + along * slope
         return found
 
-    def means(
-        self, shared: Callable[[str, Sequence[int]], tuple[Sequence[Read], FloatArray]]
-    ) -> dict[str, FloatArray]:
-        """Return what noise adds to lines on average, shape (samples,) each, to second order.
+    def squares(self, shared: Callable[[str, Sequence[int]], NoiseInFront]) -> NoisySquares:
+        """Return what noise does to lines to second order.
 
         Along each principal axis of the derivatives of a channel's noise it is what deviations to both sides
-        add (Julier and Uhlmann 2004). `shared` gives the covariance of such derivatives,
-        and which positions that lag stand behind them.
+        add (Julier and Uhlmann 2004), and along two of them what both add beyond that. `shared` gives these
+        derivatives.
         """
-        here = self.formed(self.values)
-        found = {key: np.zeros_like(here[key]) for key in self.keys}
-        changes: list[Mapping[Read, FloatArray]] = []
+        here, axes = self.formed(self.values), self._axes(shared)
+        alone = self._beyond(here, [axis.moved for axis in axes])
+        means = {key: added.sum(axis=0) for key, added in alone.items()}
+        some = _felt(axes, here, alone)
+        if not some:
+            return NoisySquares(means, {})
+        pairs = list(combinations(range(len(some)), 2))
+        chosen = [axes[at] for at in some]
+        both = self._beyond(here, [_together(chosen[i].moved, chosen[j].moved) for i, j in pairs])
+        root = _root_of_products(chosen, [(i, i) for i in range(len(some))] + pairs)
+        spread = {}
+        for key, added in alone.items():
+            own = added[some]
+            if own.any() or both[key].any():
+                mixed = [both[key][at] - own[i] - own[j] for at, (i, j) in enumerate(pairs)]
+                spread[key] = root @ np.array([*own, *mixed])
+        return NoisySquares(means, spread)
+
+    def _beyond(
+        self, here: Mapping[str, FloatArray], steps: Sequence[Mapping[Read, FloatArray]]
+    ) -> dict[str, FloatArray]:
+        """Return what steps to both sides add to lines on average, shape (steps, samples) each."""
+        sides = [{read: sign * by for read, by in step.items()} for step in steps for sign in (1.0, -1.0)]
+        made = changed(self.formed, self.keys, self.values, sides)
+        return {key: 0.5 * (one[::2] + one[1::2]) - here[key] for key, one in made.items()}
+
+    def _axes(self, shared: Callable[[str, Sequence[int]], NoiseInFront]) -> list[NoiseAxis]:
+        """Return the principal axes of the derivatives of each channel's noise."""
+        found = []
         for channel in sorted(self.noisy):
             moves = self._moves(channel)
             orders = sorted({order for ways in moves.values() for order in ways})
             if not orders:
                 continue
-            late, covariance = shared(channel, orders)
-            size = np.sqrt(np.diag(covariance))
+            noise = shared(channel, orders)
+            size = np.sqrt(np.diag(noise.covariance))
             if not size.all():
                 continue
-            sizes, axes = np.linalg.eigh(covariance / np.outer(size, size))
-            for axis in (axes * np.sqrt(np.maximum(sizes, 0.0))).T:
-                step = dict(zip([*orders, *late], size * axis, strict=True))
+            sizes, axes = np.linalg.eigh(noise.covariance / np.outer(size, size))
+            for length, axis in zip(np.sqrt(np.maximum(sizes, 0.0)), axes.T, strict=True):
+                step = dict(zip([*orders, *noise.late], size * axis * length, strict=True))
                 moved = {
                     read: sum(slope * step[order] for order, slope in ways.items())
                     for read, ways in moves.items()
                 }
-                moved |= {read: np.array(step[read]) for read in late}
-                changes += [{read: sign * by for read, by in moved.items()} for sign in (1.0, -1.0)]
-        both = changed(self.formed, self.keys, self.values, changes)
-        for key in found:
-            for pair in range(0, len(changes), 2):
-                found[key] += 0.5 * (both[key][pair] + both[key][pair + 1]) - here[key]
+                moved |= {read: np.array(step[read]) for read in noise.late}
+                mixed = axis / size / max(length, LEAST_LENGTH)
+                found.append(NoiseAxis(channel, moved, float(length), mixed, noise))
         return found
 
     def _moves(self, channel: str) -> dict[Read, dict[int, FloatArray]]:
@@ -110,6 +180,54 @@ class NoisyLines:
                 if one == channel:
                     found.setdefault((source, order), {})[own + order] = slope
         return found
+
+
+def _felt(
+    axes: Sequence[NoiseAxis], here: Mapping[str, FloatArray], alone: Mapping[str, FloatArray]
+) -> list[int]:
+    """Return which axes have products that matter: those of channels whose squares are a share of lines.
+
+    Their axes of small noise count, too: balances of momentum hold a position's times an acceleration's.
+    `here` is (samples,) by line, `alone` what squares add to it, (axes, samples).
+    """
+    felt = np.zeros(len(axes))
+    for key, added in alone.items():
+        size = float(np.mean(here[key] ** 2))
+        if size > 0.0:
+            felt = np.maximum(felt, np.mean(added**2, axis=1) / size)
+    of_channel: dict[str, float] = {}
+    for axis, share in zip(axes, felt.tolist(), strict=True):
+        of_channel[axis.channel] = max(of_channel.get(axis.channel, 0.0), share)
+    ranked = sorted(range(len(axes)), key=lambda at: (-of_channel[axes[at].channel], -axes[at].length))
+    loud = [at for at in ranked if of_channel[axes[at].channel] > FELT_SQUARES]
+    return [at for at in loud if axes[at].length > LEAST_LENGTH][:MOST_AXES]
+
+
+def _together(one: Mapping[Read, FloatArray], other: Mapping[Read, FloatArray]) -> dict[Read, FloatArray]:
+    """Return the sum of two changes."""
+    none = np.zeros(1)
+    return {read: one.get(read, none) + other.get(read, none) for read in {**one, **other}}
+
+
+def _root_of_products(axes: Sequence[NoiseAxis], pairs: Sequence[tuple[int, int]]) -> FloatArray:
+    """Return a root of the covariance of products of noise along axes, (products, pairs).
+
+    Behind the low-pass. Of normal noise the covariance of two products is the sum of the products of the
+    correlations of their parts. A sum that is a derivative, as in balances of momentum, varies little there.
+    """
+    noise = axes[0].noise
+    follow = np.zeros((len(axes), len(axes), len(noise.kept)))
+    for channel in sorted({axis.channel for axis in axes}):
+        own = [at for at, axis in enumerate(axes) if axis.channel == channel]
+        mixed = np.array([axes[at].mixed for at in own])
+        follow[np.ix_(own, own)] = axes[own[0]].noise.correlation(mixed)
+    table = follow.reshape(len(axes) ** 2, -1)
+    fourth = ((table * noise.kept) @ table.T).reshape((len(axes),) * 4)
+    i, j = np.array(pairs).T
+    shared = fourth[i[:, None], i, j[:, None], j] + fourth[i[:, None], j, j[:, None], i]
+    sizes, turned = np.linalg.eigh(shared)
+    held = sizes > LEAST_PRODUCT * sizes[-1]
+    return np.asarray((turned[:, held] * np.sqrt(sizes[held])).T)
 
 
 def _slopes(

@@ -53,8 +53,8 @@ def row_noise(
     passed : mapping of str to array, optional
         By channel the share of its noise's power that it has, in the lines of `noise_band`.
     """
-    band, total = noise_band(record, choice), 0.0
-    ways = noise_ways(model, record, choice, factor)[row].of_residual(x)
+    band, ways = noise_band(record, choice), noise_ways(model, record, choice, factor)[row].of_residual(x)
+    total = float(ways.spread[0, 0])
     for key in ways.slopes:
         white = record.facts.spectrum(key).noise
         density = white if moved is None else _as_rounded(record, moved, key, white, band.frequency_hz)

@@ -34,6 +34,9 @@ LEAST_BIAS, LEAST_DEVIATIONS = 0.01, 2.0
 # Where less than this share of a combination of columns is no noise, the bias by it is unknown; a
 # parameter is lost that has more than this part of its variance from there.
 LEAST_SIGNAL, LOST_PART = 0.1, 0.01
+# The power of products of noise is known to this share: lines are bent at readings that hold the noise, and
+# what encoders round is not normal. Those of a rounded motor squared came out up to a sixth too small.
+PRODUCTS_UNKNOWN = 0.2
 # What share of the noise a row leaves is looked at again with what that moves, so often at most, until it
 # changes by less than this: by then biases change by less than is kept of them in the intervals.
 MOST_SHARES, SAME_SHARE = 10, 0.01
@@ -187,6 +190,11 @@ FEW_SENSORS = 10
 # once: arrays that stay in a cache.
 SLOPE_STRETCHES, SLOPE_SAMPLES = 16, 24
 SLOPE_STEP = 1e-4
+# What squares of a channel's noise vary by is worked out where they are this share of a line's power, which
+# in front of the low-pass is mostly noise where accelerations are; with good sensors they are 1e-11. Products
+# of so many axes at most are looked at, of axes at least so long, and of sums of products those with this
+# share of the largest: the others are what rounding of covariances leaves.
+FELT_SQUARES, MOST_AXES, LEAST_LENGTH, LEAST_PRODUCT = 1e-5, 12, 1e-4, 1e-8
 CHANGED_TOGETHER = 8192
 
 # An inertia is tested against so many slow cosines over the records; it counts as changing from this level,

@@ -8,6 +8,7 @@ low-pass in front of the rows ends: of noise up there it makes many times what i
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,16 +21,57 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.thresholds import NOISE_LINES
 
 
+@dataclass(frozen=True, eq=False)
+class NoiseInFront:
+    """Derivatives of a channel's noise behind the wide low-pass, and what they add to positions that lag.
+
+    Attributes
+    ----------
+    late : tuple of (str, int)
+        The positions, by channel and order; there are none where no position is given (`beyond_series`).
+    rates : array, shape (orders + late, lines)
+        Each per unit of the noise, by frequency.
+    power : array, shape (lines,)
+        Of the noise in each line, in its unit squared.
+    behind : array, shape (lines + 1,)
+        Gain in power of the low-pass behind lines, at the multiples of a line's width.
+    """
+
+    late: tuple[Read, ...]
+    rates: ComplexArray
+    power: FloatArray
+    behind: FloatArray
+
+    @property
+    def covariance(self) -> FloatArray:
+        """That of all of them, shape (orders + late, orders + late), in SI."""
+        return np.asarray(np.real(np.conj(self.rates) * self.power @ self.rates.T))
+
+    def correlation(self, mixed: FloatArray) -> FloatArray:
+        """Return how sums of them follow each other, shape (sums, sums, lags), for lags of all samples.
+
+        `mixed` has shape (sums, orders + late): how much of each they hold.
+        """
+        lines, sums = len(self.power), mixed @ self.rates
+        shared = np.conj(sums)[:, None] * sums * self.power
+        # frequencies are half a line off the multiples of one
+        turned = np.exp(1j * np.pi * np.arange(2 * lines) / (2 * lines))
+        return np.asarray(np.real(np.fft.ifft(shared, 2 * lines) * turned) * 2 * lines)
+
+    @property
+    def kept(self) -> FloatArray:
+        """How the low-pass behind lines weighs correlations, shape (lags,): their sum is the power left."""
+        return np.fft.irfft(self.behind)
+
+
 def noise_in_front(
     kernel: Kernel | DeflectedKernel,
     record: Record,
     choice: FilterChoice,
     channel: str,
     orders: Sequence[int],
-) -> tuple[tuple[Read, ...], FloatArray]:
-    """Return the covariance of derivatives of a channel's noise, and of what they add to positions that lag.
-
-    Behind the wide low-pass; the noise is white before.
+) -> NoiseInFront:
+    """Return derivatives of a channel's noise, white before the wide low-pass, as lines are made of them.
 
     Parameters
     ----------
@@ -39,22 +81,17 @@ def noise_in_front(
     channel : str
     orders : sequence of int
         How often it is differentiated.
-
-    Returns
-    -------
-    late : tuple of (str, int)
-        The positions, by channel and order; there are none where no position is given (`beyond_series`).
-    covariance : array, shape (orders + late, orders + late)
-        SI.
     """
     spectrum, top_hz = record.facts.spectrum(channel), 0.5 * record.fs
     frequency_hz = top_hz * (np.arange(NOISE_LINES) + 0.5) / NOISE_LINES
-    wide_hz = choice.signal_cutoff_hz or choice.cutoff_hz
-    power = spectrum.noise * low_pass(frequency_hz, wide_hz, choice.filter_order, record.fs) ** 2
+    wide_hz, order = choice.signal_cutoff_hz or choice.cutoff_hz, choice.filter_order
+    power = spectrum.noise * low_pass(frequency_hz, wide_hz, order, record.fs) ** 2 * top_hz / NOISE_LINES
     s = np.asarray(2j * np.pi * frequency_hz, dtype=complex)
     late = beyond_series(kernel, channel, s) if isinstance(kernel, DeflectedKernel) else {}
     rates = np.array([*(s**order for order in orders), *late.values()])
-    return tuple(late), np.asarray(np.real(np.conj(rates) * power @ rates.T) * top_hz / NOISE_LINES)
+    even_hz = top_hz * np.arange(NOISE_LINES + 1) / NOISE_LINES
+    behind = low_pass(even_hz, choice.cutoff_hz, order, record.fs) ** 2
+    return NoiseInFront(tuple(late), rates, power, behind)
 
 
 def beyond_series(kernel: DeflectedKernel, source: str, s: ComplexArray) -> Mapping[Read, ComplexArray]:

@@ -145,3 +145,17 @@ def test_one_direction_of_noise_pulls_what_has_a_part_in_it_and_nothing_else(see
         # twice applied it is what takes the bias off
         left = effect.spread @ effect.spread @ x
         np.testing.assert_allclose((x - found - left) / x, 0.0, atol=1e-6 * (1.0 + np.max(np.abs(left / x))))
+
+
+@pytest.mark.parametrize(("drowned", "moves"), [(5.0, False), (500.0, True)])
+def test_products_of_noise_lose_a_direction_earlier_and_what_moves_with_it(
+    drowned: float, moves: bool
+) -> None:
+    # the first column is a twentieth of the second: nothing of its variance, but much of its error
+    gram = np.array([[1.0, 0.05], [0.05, 1.0]])
+    fit = SimpleNamespace(solution=Solved(np.array([10.0, drowned]), np.linalg.inv(gram)))
+    noise = np.diag([0.0, 0.85 / np.linalg.inv(gram)[1, 1]])
+    linear = _without_noise(fit, noise, np.zeros(2))  # type: ignore[arg-type]
+    assert linear.most == pytest.approx(0.85) and np.all(np.isfinite(linear.bias))
+    products = _without_noise(fit, noise, np.zeros(2), noise)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(np.isinf(products.bias), [moves, True])

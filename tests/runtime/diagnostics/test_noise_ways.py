@@ -118,6 +118,21 @@ def test_noise_lifts_what_a_row_leaves_on_average_as_predicted() -> None:
     assert float(lifted @ expected) / float(expected @ expected) == pytest.approx(1.0, abs=0.15)
 
 
+def test_products_of_noise_vary_as_predicted_and_hardly_in_a_balance_of_momentum() -> None:
+    """What a squared speed adds there a position times an acceleration takes off."""
+    model, truth, read = smooth_reading()
+    choice = choose_filter(model, [read(0.0, 0)], cutoff_hz=60.0, signal_cutoff_hz=200.0)
+    level, calm = 1e-3, observe(model, [read(0.0, 0)], choice).dense().blocks
+    both = [observe(model, [read(one, 0)], choice).dense().blocks for one in (level, -level)]
+    ways = noise_ways(model, read(level, 1), choice, choice.decimation[0])
+    for before, up, down in zip(calm, *both, strict=True):
+        here, *there = [_on_grid(block, truth) for block in (before, up, down)]
+        added, one = 0.5 * (there[0] + there[1]) - here, ways[before.row].of_residual(truth)
+        assert one.spread[0, 0] > 0.0
+        expected = one.spread[0, 0] + np.mean(one.means**2)
+        assert np.sqrt(expected / np.nanmean(added**2)) == pytest.approx(1.0, abs=0.12)
+
+
 def _on_grid(block: RowBlock, point: np.ndarray) -> np.ndarray:
     found = np.full(block.grid, np.nan)
     found[block.place] = block.residual(point)
