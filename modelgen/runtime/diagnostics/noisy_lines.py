@@ -131,10 +131,10 @@ class NoisyLines:
         both = self._beyond(here, [_together(chosen[i].moved, chosen[j].moved) for i, j in pairs])
         root = _root_of_products(chosen, [(i, i) for i in range(len(some))] + pairs)
         spread = {}
-        for key, added in alone.items():
-            own = added[some]
-            if own.any() or both[key].any():
-                mixed = [both[key][at] - own[i] - own[j] for at, (i, j) in enumerate(pairs)]
+        for key in list(alone):
+            own, together = alone.pop(key)[some], both.pop(key)
+            if own.any() or together.any():
+                mixed = [together[at] - own[i] - own[j] for at, (i, j) in enumerate(pairs)]
                 spread[key] = root @ np.array([*own, *mixed])
         return NoisySquares(means, spread)
 
@@ -144,7 +144,8 @@ class NoisyLines:
         """Return what steps to both sides add to lines on average, shape (steps, samples) each."""
         sides = [{read: sign * by for read, by in step.items()} for step in steps for sign in (1.0, -1.0)]
         made = changed(self.formed, self.keys, self.values, sides)
-        return {key: 0.5 * (one[::2] + one[1::2]) - here[key] for key, one in made.items()}
+        # one line after the other: of many joints they take hundreds of MB
+        return {key: 0.5 * ((one := made.pop(key))[::2] + one[1::2]) - here[key] for key in list(made)}
 
     def _axes(self, shared: Callable[[str, Sequence[int]], NoiseInFront]) -> list[NoiseAxis]:
         """Return the principal axes of the derivatives of each channel's noise."""
