@@ -47,7 +47,9 @@ def frozen_readings(model: Model, record: Record) -> list[Frozen]:
     Long ones of a position only: a machine may rest.
     """
     measures = {s.key: s.measures for s in model.sensors if s.key in record.signals}
-    keys = [key for key in model.channels if key in record.signals and record.facts.extent(key).span > 0.0]
+    # a sensor that no row needs tells as well what the others lost with it
+    given = [key for key in dict.fromkeys((*model.channels, *measures)) if key in record.signals]
+    keys = [key for key in given if record.facts.extent(key).span > 0.0]
     found = set[tuple[int, int]]()
     for start, stop in stretches_of(record, LONGEST_BRIDGED + OVERLAP):
         for key in keys:

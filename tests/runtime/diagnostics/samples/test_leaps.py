@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -92,6 +94,17 @@ def test_frames_that_were_lost_are_interpolated(keys: tuple[str, ...], in_file: 
         assert np.max(moved) < (12.0 * NOISE[key] if key != "Gamma_m" else was)
     told = next(told_leaps(SMALL, lossy))
     assert told.kind == "leap" and told.what.endswith("these readings are interpolated")
+
+
+def test_a_position_that_no_row_needs_tells_of_frames_that_speeds_lost() -> None:
+    chirp = two_mass_records()[1]
+    speeds = {f"v_{body}": np.gradient(chirp.signals["q_m"], chirp.dt) for body in "abc"}
+    record = Record({**speeds, "q_a": chirp.signals["q_m"], "Gamma_a": chirp.signals["Gamma_m"]}, FS)
+    lossy = standing(record, ("v_a", "q_a", "Gamma_a"), [2500], 4)
+    needed = replace(
+        SPEEDS, sensors=(*SPEEDS.sensors, replace(SPEEDS.sensors[0], key="q_a", measures="position"))
+    )
+    assert [leap.keys for leap in leaps_of(needed, lossy)] == [("v_a", "Gamma_a", "q_a")]
 
 
 def test_where_a_position_was_stuck_for_long_the_record_is_cut() -> None:
