@@ -44,7 +44,7 @@ Frozen = tuple[int, int, tuple[str, ...]]
 def frozen_readings(model: Model, record: Record) -> list[Frozen]:
     """Return the first and the last sample of readings that are repeated, in order, and in which channels.
 
-    Long ones of a position only: a machine may rest.
+    Those that are few enough to be interpolated.
     """
     measures = {s.key: s.measures for s in model.sensors if s.key in record.signals}
     # a sensor that no row needs tells as well what the others lost with it
@@ -74,7 +74,7 @@ def _alike(record: Record, keys: list[str], first: int, last: int) -> tuple[str,
 
 
 def _catching_up(samples: FloatArray) -> list[tuple[int, int]]:
-    """Return from where to where a position, in rad or m, shape (n,), stands while it moves on.
+    """Return from where to where a position, in rad or m, shape (n,), stands for a moment while it moves on.
 
     The step behind makes up for those that are lacking, and is unlike the steps around it. A mass that sticks
     starts with small steps, and encoders count one step more or less; what jumps farther than the motion
@@ -89,7 +89,7 @@ def _catching_up(samples: FloatArray) -> list[tuple[int, int]]:
     runs, steps = equal_runs(samples), np.diff(samples)
     before, behind = step_at(steps, runs.first - 1), step_at(steps, runs.last + 1)
     caught, around = np.abs(step_at(steps, runs.last)), np.maximum(np.abs(before), np.abs(behind))
-    inside = (runs.first > 0) & (runs.last < len(samples) - 2)
+    inside = (runs.first > 0) & (runs.last < len(samples) - 2) & (runs.lengths <= LONGEST_BRIDGED)
     enough = caught - around > max(unlike, LEAST_CAUGHT_UP * runs.resolution)
     enough &= caught > CAUGHT_UP * around
     return _spans(runs, np.flatnonzero(inside & enough & (caught < MOST_CAUGHT_UP * runs.lengths * around)))

@@ -78,18 +78,10 @@ def without_leaps(model: Model, records: Sequence[Record]) -> tuple[Record, ...]
     return tuple(part for record in records for part in _parts(record, leaps_of(model, record), sensors))
 
 
-def is_cut(model: Model, record: Record) -> bool:
-    """Tell whether a record is cut where a leap is not bridged: it would not be in too many pieces."""
-    return len(_cuts(leaps_of(model, record))) <= MOST_CUTS
-
-
 def told_leaps(model: Model, record: Record) -> Iterator[Advice]:
-    """Report leaps, and what is done about them; those of several channels are the clock's.
-
-    Without the ends of long stretches in which a sensor was stuck.
-    """
-    cut = is_cut(model, record)
-    leaps = [leap for leap in leaps_of(model, record) if leap.bridged or not leap.frozen]
+    """Report leaps, and what is done about them; those of several channels are the clock's."""
+    leaps = leaps_of(model, record)
+    cut = len(_cuts(leaps)) <= MOST_CUTS
     for leap in leaps[:LISTED]:
         where = f"{record.name}, channel {' and '.join(leap.keys)}, samples {leap.first} to {leap.last}"
         if leap.frozen:

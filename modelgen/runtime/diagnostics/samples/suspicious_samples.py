@@ -16,7 +16,7 @@ import numpy as np
 from modelgen.array_types import BoolArray, FloatArray
 from modelgen.errors import IdentifiabilityError, ModelgenError, Problem
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.samples.leaps import Leap, is_cut, leaps_of, told_leaps
+from modelgen.runtime.diagnostics.samples.leaps import leaps_of, told_leaps
 from modelgen.runtime.diagnostics.samples.stuck_readings import equal_runs, faulty_runs, moving_samples
 from modelgen.runtime.diagnostics.samples.unit_errors import unlike_units
 from modelgen.runtime.diagnostics.thresholds import FEWEST_STEPS, LISTED, OVERLAP, WIDEST
@@ -76,10 +76,9 @@ def _suspicions(model: Model, record: Record) -> Iterator[Advice]:
         for key, samples in part.items():
             _look(found[key], samples, start, measures.get(key, ""), moving, extents[key])
     leaps = leaps_of(model, record)
-    for leap in leaps:
-        for key in leap.keys:
-            found[key].end_at(leap, float(record.read(key, leap.first, leap.first + 1)[0]))
-    cut = is_cut(model, record)
+    for leap in leaps:  # is told, and not that the sensor rested before it
+        for key in set(leap.keys) & found.keys():
+            found[key].stuck = [run for run in found[key].stuck if not leap.first <= run[1] + 1 <= leap.last]
     for key in used:
         where = f"{record.name}, channel {key}"
         if extents[key].span == 0.0:
@@ -89,7 +88,7 @@ def _suspicions(model: Model, record: Record) -> Iterator[Advice]:
                 yield Advice("constant", f"{where}, samples 0 to {record.n - 1}", what, remedy)
             continue
         yield from _told_clipped(where, extents[key], found[key])
-        yield from _told_stuck(where, found[key].stuck, cut and found[key].standing)
+        yield from _told_stuck(where, found[key].stuck)
         resolution = min(found[key].resolutions, default=0.0) if key in measures else 0.0
         place = f"{where}, samples 0 to {record.n - 1}"
         yield from _told_range(place, extents[key].span, units[key], resolution)
@@ -101,22 +100,11 @@ def _suspicions(model: Model, record: Record) -> Iterator[Advice]:
 
 @dataclass
 class _Faults:
-    """What was found of a channel: runs as (first, last, reading), and resolutions.
-
-    `standing` says whether it was stuck where the record is two.
-    """
+    """What was found of a channel: runs as (first, last, reading), and resolutions."""
 
     clipped: list[Run] = field(default_factory=list)
     stuck: list[Run] = field(default_factory=list)
     resolutions: list[float] = field(default_factory=list)
-    standing: bool = False
-
-    def end_at(self, leap: Leap, reading: float) -> None:
-        """Leave what is told of a leap to that, but for long stretches without a new reading."""
-        self.stuck = [run for run in self.stuck if not leap.first <= run[1] + 1 <= leap.last]
-        if leap.frozen and not leap.bridged:
-            self.standing = True
-            self.stuck.append((leap.first, leap.last - 1, reading))
 
 
 def _look(
@@ -145,12 +133,11 @@ def _told_clipped(where: str, extent: Extent, found: _Faults) -> Iterator[Advice
             yield Advice("clipped", f"{where}, {_places(there)}", what, remedy)
 
 
-def _told_stuck(where: str, found: Sequence[Run], cut: bool) -> Iterator[Advice]:
+def _told_stuck(where: str, found: Sequence[Run]) -> Iterator[Advice]:
     if found:
         value = found[0][2]
         what = f"stays at one reading ({value:.6g}) while it should change: the sensor was stuck or cut off"
-        what += "; the record is cut there" if cut else ""
-        remedy = "check its cable" if cut else "check its cable, or cut the record there"
+        remedy = "check its cable, or cut the record there"
         yield Advice("stuck", f"{where}, {_places(found)}", what, remedy)
 
 

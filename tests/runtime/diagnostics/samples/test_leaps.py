@@ -107,13 +107,6 @@ def test_a_position_that_no_row_needs_tells_of_frames_that_speeds_lost() -> None
     assert [leap.keys for leap in leaps_of(needed, lossy)] == [("v_a", "Gamma_a", "q_a")]
 
 
-def test_where_a_position_was_stuck_for_long_the_record_is_cut() -> None:
-    record = two_mass_records()[1]
-    parts = without_leaps(SMALL, [standing(record, ("q_c",), [2500], 40)])
-    assert [part.name for part in parts] == ["trapezoid from sample 0", "trapezoid from sample 2541"]
-    assert parts[0].n == 2501
-
-
 def test_a_mass_that_rests_or_sticks_does_not_stand_in_its_motion() -> None:
     record = two_mass_records()[1]
     coarse = {key: 1e-3 * np.round(record.signals[key] / 1e-3) for key in ("q_m", "q_c")}
