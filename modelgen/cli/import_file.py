@@ -48,11 +48,12 @@ def describe_file(path: Path, model: Model | None) -> Description:
     source = replace(source, load=lambda names: _again(source_load, loaded, names))
     columns = {name: values.astype(float) for name, values in loaded.items() if values.dtype.kind in "iuf"}
     has_clocks = bool(source.clocks)
-    channels = [entry.column for entry in propose(source, model) if entry.column is not None]
-    if source.clock is None and source.fs is None and (times := _rising(columns, channels)):
-        said = f"{times} is taken as the column of times, as it rises evenly: check it"
-        timed = {name: times for name in source.names if name != times}
-        source = replace(source, clocks=timed, took=(*source.took, said))
+    if source.clock is None and source.fs is None:
+        channels = [entry.column for entry in propose(source, model) if entry.column is not None]
+        if times := _rising(columns, channels):
+            said = f"{times} is taken as the column of times, as it rises evenly: check it"
+            timed = {name: times for name in source.names if name != times}
+            source = replace(source, clocks=timed, took=(*source.took, said))
     clocks = {source.clock, *source.clocks.values()} & columns.keys()
     on = {name: gone_on(columns[name]) for name in columns if name in clocks}
     full = [said for name in on for said in counter_said(name, columns[name], on[name])]

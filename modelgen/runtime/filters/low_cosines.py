@@ -5,13 +5,14 @@ A filter would begin with the first sample, be it a peak.
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from scipy.fft import dct, idct
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.thresholds import COSINES_KEPT
+from modelgen.runtime.numerics.recent_arrays import RecentArrays
+
+_TABLES = RecentArrays(8 * COSINES_KEPT)  # bytes
 
 
 def slowest(samples: FloatArray, count: int) -> FloatArray:
@@ -22,18 +23,17 @@ def slowest(samples: FloatArray, count: int) -> FloatArray:
     """
     n = len(samples)
     if n * count <= COSINES_KEPT:
-        table = _cosines(n, min(count, n))
+        wide = min(count, n)
+        table = _TABLES.of((n, wide), lambda: _cosines(n, wide))
         return np.asarray(table @ (samples @ table))
     spectrum = dct(samples, norm="ortho")
     spectrum[count:] = 0.0
     return np.asarray(idct(spectrum, norm="ortho"))
 
 
-@lru_cache(maxsize=8)
 def _cosines(n: int, count: int) -> FloatArray:
     """Return orthonormal cosines, a column each, shape (n, count)."""
     half_periods = (np.arange(n)[:, None] + 0.5) / n * np.arange(count)
     table = np.cos(np.pi * half_periods) * np.sqrt(2.0 / n)
     table[:, :1] = np.sqrt(1.0 / n)
-    table.flags.writeable = False
     return np.asarray(table)

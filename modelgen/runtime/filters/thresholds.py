@@ -79,5 +79,5 @@ MOST_STEPS, ENOUGH_STEPS = 4, 12
 # The step is looked for among so many neighbouring readings, in so many places, and made exact by differences
 # of so many steps.
 NEIGHBOURS, MOST_PARTS, REACHES = 32, 64, (4.0, 30.0, 200.0)
-# So many numbers of cosines are kept as a table (16 MB); beyond, samples are transformed.
+# So many numbers of cosines are kept in tables (16 MB); beyond, samples are transformed.
 COSINES_KEPT = 1 << 21

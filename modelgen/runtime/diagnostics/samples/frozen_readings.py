@@ -28,6 +28,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     MOST_CAUGHT_UP,
     OVERLAP,
     SELDOM,
+    SHORTEST_RUN,
     USUAL_CHANGE_OF_SPEED,
     USUAL_CHANGES,
 )
@@ -114,12 +115,27 @@ def _repeated_noise(
     runs = equal_runs(samples)
     if not noisy(samples, runs):
         return []
-    part = {one: record.read(one, *span) for one in measures if record.facts.extent(one).span > 0.0}
-    extent, moving = record.facts.extent(key), moving_samples(len(samples), part, measures)
-    ends, measured = (extent.least, extent.greatest), measures.get(key, "")
-    _, stuck = faulty_runs(samples, runs, measured, moving, ends, FEWEST_FROZEN)
+    _, stuck = faulty_there(record, key, measures, span, runs, FEWEST_FROZEN)
     short = (runs.lengths[stuck] <= LONGEST_BRIDGED) & (samples[runs.first[stuck]] != 0.0)
     return _spans(runs, stuck[short])
+
+
+def faulty_there(
+    record: Record,
+    key: str,
+    measures: Mapping[str, str],
+    span: tuple[int, int],
+    runs: Runs,
+    shortest: int = SHORTEST_RUN,
+) -> tuple[IntArray, IntArray]:
+    """Return which runs of a channel between two samples are clipped, and which stuck, see `faulty_runs`.
+
+    Indices of runs, shape (found,) each.
+    """
+    part = {one: record.read(one, *span) for one in measures if record.facts.extent(one).span > 0.0}
+    samples, extent = record.read(key, *span), record.facts.extent(key)
+    moving, ends = moving_samples(len(samples), part, measures), (extent.least, extent.greatest)
+    return faulty_runs(samples, runs, measures.get(key, ""), moving, ends, shortest)
 
 
 def _spans(runs: Runs, which: IntArray) -> list[tuple[int, int]]:

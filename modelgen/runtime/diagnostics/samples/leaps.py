@@ -16,8 +16,13 @@ import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.diagnostics.samples.frozen_readings import frozen_readings, stretches_of
-from modelgen.runtime.diagnostics.samples.stuck_readings import equal_runs, faulty_runs, moving_samples
+from modelgen.runtime.diagnostics.samples.frozen_readings import (
+    BLOCK,
+    faulty_there,
+    frozen_readings,
+    stretches_of,
+)
+from modelgen.runtime.diagnostics.samples.stuck_readings import equal_runs
 from modelgen.runtime.diagnostics.thresholds import (
     BACK_ON_TRACK,
     BENT,
@@ -41,8 +46,8 @@ from modelgen.runtime.records.record import Record
 FITTED, DEGREE, DEGREE_OF_FORCES = 8, 9, 3
 # Samples that show the speed on either side.
 NEXT = 4
-# Samples that are looked at together, and so many steps that show what is usual.
-BLOCK, SHOWN = 1 << 14, 1 << 16
+# So many steps show what is usual.
+SHOWN = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -165,11 +170,9 @@ def _not_at_faults(
     record: Record, key: str, measures: Mapping[str, str], span: tuple[int, int], places: IntArray
 ) -> list[tuple[int, bool]]:
     """Return the places that are more than rounding, and whether a run that is reported ends at each."""
-    part = {one: record.read(one, *span) for one in measures if record.facts.extent(one).span > 0.0}
-    samples, extent = part[key], record.facts.extent(key)
+    samples = record.read(key, *span)
     runs = equal_runs(samples)
-    moving = moving_samples(len(samples), part, measures)
-    clipped, stuck = faulty_runs(samples, runs, measures[key], moving, (extent.least, extent.greatest))
+    clipped, stuck = faulty_there(record, key, measures, span, runs)
     faulty = [*clipped.tolist(), *stuck.tolist()]
     ends = np.concatenate([runs.first[faulty], runs.last[faulty] + 1])
     seen = places[_odd(samples)[places - 2] > LEAP_RESOLUTIONS * runs.resolution]

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 
 from modelgen.array_types import BoolArray, FloatArray
 from modelgen.errors import IdentifiabilityError, ModelgenError, Problem
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.samples.frozen_readings import stretches_of
 from modelgen.runtime.diagnostics.samples.leaps import leaps_of, told_leaps
 from modelgen.runtime.diagnostics.samples.stuck_readings import equal_runs, faulty_runs, moving_samples
 from modelgen.runtime.diagnostics.samples.unit_errors import unlike_units
@@ -25,7 +25,6 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.faults import POSITIONS, reading_problems
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.record_facts import Extent
-from modelgen.runtime.records.thresholds import WHOLE
 
 Run = tuple[int, int, float]  # first and last sample, reading
 
@@ -68,9 +67,7 @@ def _suspicions(model: Model, record: Record) -> Iterator[Advice]:
     extents = {key: record.facts.extent(key) for key in used}
     acts = any(extents[key].span > 0.0 for key in used if key not in measures)
     found = {key: _Faults() for key in used}
-    edges = np.linspace(0, record.n, -(-record.n // WHOLE) + 1).astype(int).tolist()
-    for edge, stop in pairwise(edges):
-        start = max(edge - OVERLAP, 0)
+    for start, stop in stretches_of(record, OVERLAP):
         part = {key: record.read(key, start, stop) for key in used if extents[key].span > 0.0}
         moving = moving_samples(stop - start, {key: part[key] for key in measures if key in part}, measures)
         for key, samples in part.items():

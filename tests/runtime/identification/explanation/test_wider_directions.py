@@ -16,6 +16,7 @@ from modelgen.runtime.simulation.closed_loop import PositionVelocityController
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.spec.load import parse_spec
+from tests.runtime.iv.shapes.chains import TWO
 from tests.runtime.two_mass_records import FS, SMALL
 
 TRUTH = dict(SMALL.parameter_sets["table_2"])
@@ -60,32 +61,19 @@ def test_noise_behind_a_high_cutoff_does_not_hide_it() -> None:
     assert found.bse["F_vm"] < 0.04 * TRUTH["F_vm"]
 
 
-SPEEDS = """
-[chain]
-name = "winder"
-motion = "rotation"
-[[bodies]]
-name = "m"
-inertia = "J_m"
-viscous = "F_vm"
-coulomb = "F_sm"
-actuator = "T"
-[[bodies]]
-name = "c"
-inertia = "J_c"
-[[links]]
-bodies = ["m", "c"]
-stiffness = "K"
-damping = "D"
+SPEEDS = (
+    TWO
+    + """
 [sensors.s]
 v_m = { body = "m", measures = "velocity" }
 v_c = { body = "c", measures = "velocity" }
 """
+)
 WINDER = {"J_m": 0.02, "F_vm": 0.01, "F_sm": 0.4, "J_c": 0.06, "K": 180.0, "D": 0.25}
 
 
 def test_reversals_that_a_low_pass_swallows_are_seen_in_a_wider_band() -> None:
-    model = spec_model(parse_spec(SPEEDS, "winder.toml"), "s")
+    model = spec_model(parse_spec(SPEEDS, "two.toml"), "s")
     t = np.arange(96_001) / 8000.0
     # reversals follow one another where the slow wave turns, at up to 31 Hz
     rate = 30.0 * np.sin(0.8 * np.pi * t) + 6.0 * np.sin(2.0 * np.pi * (2.0 + 1.2 * t) * t)
