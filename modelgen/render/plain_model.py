@@ -131,12 +131,18 @@ def one_line(text: str) -> str:
     return printable.replace("*/", "* /").replace("/*", "/ *").replace("??/", "?? /")
 
 
+def differentiated(times: int) -> str:
+    """Return how often a signal is differentiated, to follow its name."""
+    often = {1: "once", 2: "twice"}.get(times, f"{times} times")
+    return f", differentiated {often}" if times else ""
+
+
 def _origin(signal: object) -> str:
     source = getattr(signal, "sensor", None) or getattr(signal, "actuator", None)
     times = getattr(signal, "derivative", 0)
     if source is None:
         return "direction of motion, -1, 0 or 1"
-    return f"{source}" if times == 0 else f"{source}, differentiated {times} times"
+    return f"{source}{differentiated(times)}"
 
 
 def _feature(feature: Feature) -> PlainFeature:

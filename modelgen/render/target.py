@@ -29,7 +29,7 @@ def target_files(spec: ChainSpec, sensor_set: str, target: str) -> dict[str, str
     fields = _printed(language, model)
     env = environment()
     return {
-        f"{model.name}{suffix}": env.get_template(template).render(fields)
+        f"{fields['name']}{suffix}": env.get_template(template).render(fields)
         for template, suffix in templates.items()
     }
 
@@ -62,6 +62,7 @@ def _printed(language: Language, model: PlainModel) -> dict[str, Any]:
     fields: dict[str, Any] = {field.name: getattr(model, field.name) for field in dataclasses.fields(model)}
     fields |= {
         "header": model.header,
+        "name": language.file_name(model.name),
         "name_of": language.name,
         "measurement_sources": [
             (row, signal_sum(language, model, parts)) for row, parts in enumerate(model.measurement) if parts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from collections.abc import Mapping
@@ -19,6 +20,7 @@ from modelgen.render.writer import generate
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.spec.chain import ChainSpec
 from modelgen.spec.load import catalog_path, load_spec
+from modelgen.template_folder import template_folder
 
 N = 7
 CASES = [
@@ -158,6 +160,53 @@ def test_the_same_spec_gives_the_same_bytes(target: str) -> None:
 
 def test_words_of_a_language_are_no_names() -> None:
     assert (C99.name("double"), MATLAB.name("end"), C99.name("J_m")) == ("double_", "end_", "J_m")
+    assert (C99.name("I"), C99.name("I_")) == ("I_", "I__")  # both may be in one structure
+    assert MATLAB.file_name("state_space") == "state_space_"
+    assert C99.file_name("math") == "math_"
+    with pytest.raises(RenderError, match="has 64 letters, and a name in this language at most 63"):
+        MATLAB.name("J" * 64)
+
+
+HOSTILE = """
+chain = { name = "words", motion = "rotation" }
+bodies = [
+    { name = "end", inertia = "NAN", viscous = "M_PI", coulomb = "this", actuator = "INFINITY" },
+    { name = "new", inertia = "I_", viscous = "HUGE_VAL", coulomb = "errno", offset = "I" },
+]
+links = [{ bodies = ["end", "new"], stiffness = "end", damping = "template" }]
+[sensors.parfor]
+linux = { body = "end", measures = "position" }
+NULL = { body = "new", measures = "position" }
+"""
+
+
+@pytest.mark.parametrize("language", ["c", "c++"])
+def test_names_that_compilers_know_compile(compiler: str, tmp_path: Path, language: str) -> None:
+    """With GNU's extensions, and after the headers whose macros they are."""
+    (tmp_path / "words.toml").write_text(HOSTILE, encoding="utf-8")
+    for name, text in target_files(load_spec(tmp_path / "words.toml"), "parfor", "c").items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    headers = [word for name in ("math", "stdio", "stdlib", "errno") for word in ("-include", f"{name}.h")]
+    command = [compiler, "-x", language, *headers, "-Wall", "-Werror", "-fsyntax-only", "words_parfor.c"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    if "cc1plus" in done.stderr:
+        pytest.skip("no C++ compiler: apt-get install g++")
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_name_that_is_changed_is_said(tmp_path: Path) -> None:
+    (tmp_path / "words.toml").write_text(HOSTILE, encoding="utf-8")
+    spec = load_spec(tmp_path / "words.toml")
+    assert "  % p.end_: end, N m/rad\n" in target_files(spec, "parfor", "matlab")["words_parfor.m"]
+    assert "  double this_; /* this, N m */\n" in target_files(spec, "parfor", "c")["words_parfor.h"]
+
+
+def test_a_class_is_called_like_nothing_that_it_holds() -> None:
+    """A method of the class's name would be its constructor, and a variable of that name hides the class."""
+    text = "".join((template_folder() / f"{kind}.m.j2").read_text() for kind in ("arm", "model"))
+    without_fields = re.sub(r"\{[{%].*?[%}]\}", "", text)
+    code = re.sub(r"%.*|'[^']*'", "", without_fields)
+    assert set(re.findall(r"(?<![.\w])[A-Za-z]\w*", code)) <= MATLAB.no_files | MATLAB.words | {"Static"}
 
 
 def test_a_title_cannot_end_a_comment() -> None:
