@@ -30,6 +30,27 @@ class Drift(NamedTuple):
     state: Literal["missing", "different", "left over"]
 
 
+def refuse_shared_files(chains: Iterable[tuple[ChainSpec | ArmSpec, Iterable[str]]]) -> None:
+    """Refuse sensor sets whose files would replace one another; some disks do not distinguish `A` and `a`.
+
+    Raises
+    ------
+    RenderError
+        Naming both.
+    """
+    makers: dict[str, tuple[ChainSpec | ArmSpec, str]] = {}
+    for spec, sensor_sets in chains:
+        for chosen in sensor_sets:
+            name = module_name(spec, chosen)
+            first, other = makers.setdefault(name.casefold(), (spec, chosen))
+            before = module_name(first, other)
+            if (first.sha256, before) == (spec.sha256, name):
+                continue
+            where = "" if before == name else " on disks that do not distinguish capitals"
+            what = f"the files of {name} would replace those of {before} from {first.source}{where}"
+            raise RenderError.at(spec.source, what, "rename one of the two, or its sensor set")
+
+
 def write_target(
     spec: ChainSpec | ArmSpec,
     sensor_sets: Iterable[str],

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from modelgen.errors import ModelgenError, RenderError
 from modelgen.render.target import target_files
-from modelgen.render.target_writer import check_target, write_target
+from modelgen.render.target_writer import check_target, refuse_shared_files, write_target
 from modelgen.spec.load import catalog_path, load_spec
 
 SPEC = load_spec(catalog_path("emps300"))
@@ -37,6 +38,19 @@ def test_every_file_of_every_sensor_set_is_there(tmp_path: Path, target: str) ->
     expected = {name: text for chosen in SETS for name, text in target_files(SPEC, chosen, target).items()}
     assert names(tmp_path) == sorted(expected)
     assert all((tmp_path / name).read_text(encoding="utf-8") == text for name, text in expected.items())
+
+
+def test_files_that_would_replace_one_another_are_refused() -> None:
+    again = replace(SPEC, sha256="0" * 64)
+    capitals = replace(SPEC, name="EMPS300")
+    refuse_shared_files([(SPEC, SETS), (SPEC, SETS)])  # the same twice
+    for other in (again, capitals):
+        with pytest.raises(
+            RenderError, match=f"the files of {other.name}_qm_qc would replace those of emps300_qm_qc"
+        ):
+            refuse_shared_files([(SPEC, SETS), (other, ["qm_qc"])])
+    with pytest.raises(RenderError, match="the files of emps300_QM_ac would replace those of emps300_qm_ac"):
+        refuse_shared_files([(SPEC, [*SETS, "QM_ac"])])
 
 
 def test_what_differs_and_what_is_missing_is_named(tmp_path: Path) -> None:

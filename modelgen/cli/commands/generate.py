@@ -36,9 +36,10 @@ def generate(
     Modules that modelgen wrote before are replaced; a file of another origin is left, with a message.
     With --check nothing is written: what is missing, different or left over is named, with exit code 1.
     """
-    from modelgen.render.target_writer import check_target, write_target
+    from modelgen.render.target_writer import check_target, refuse_shared_files, write_target
 
     chains = [(spec, modules_of(spec, sensors)) for spec in map(load_chain_or_arm, specs)]
+    refuse_shared_files(chains)
     if not check:
         counting = counted(chains, "generating")
         made = (write_target(chain, names, folder, target, templates) for chain, names in counting)
