@@ -26,6 +26,13 @@ STRINGS = re.compile(
     r"""'''(?:[^']|'(?!''))*+'{3,5}|'(?!'')[^']*+'""",
     re.DOTALL,
 )
+#: what a line holds that TOML refuses -> what to do
+TOML_REMEDIES = (
+    (r"\r(?!$)", "save the file with line ends of Unix or Windows (LF, CR LF)"),
+    ("[=,[{]\\s*[\u201c\u201d\u201e\u2018\u2019\u00ab]", 'write straight quotes, "like these"'),
+    ("=\\s*[\u2212\u2013]", "write minus as the hyphen of the keyboard, -"),
+    (r"=\s*[-+]?[0-9]+,[0-9]", "write decimals with a point, 0.5"),
+)
 SEPARATORS = frozenset("=,\n[]{}#")
 
 Document = dict[str, Any]
@@ -47,14 +54,23 @@ def toml_document(text: str, where: str, error: type[ModelgenError] = DataError)
     except tomllib.TOMLDecodeError as reason:
         found = re.fullmatch(r"(.*) \(at (.*)\)", str(reason), re.DOTALL)
         what, place = found.groups() if found else (str(reason), "TOML")
-        remedy = "correct the TOML there; text needs quotes, and a key or table is written once only"
-        raise error.at(f"{where}: {place}", f"is not valid TOML ({what})", remedy) from None
+        raise error.at(f"{where}: {place}", f"is not valid TOML ({what})", _remedy(text, place)) from None
     except RecursionError:
         raise _too_deep(where, error) from None
     except ValueError:
         raise _too_long(where, error) from None
     _check_integers(document, where, error)
     return document
+
+
+def _remedy(text: str, place: str) -> str:
+    """Return what to do about a line that is no TOML; what keyboards and word processors write is named."""
+    number = re.match(r"line (\d+)", place)
+    line = text.split("\n")[int(number[1]) - 1] if number else ""
+    return next(
+        (remedy for mark, remedy in TOML_REMEDIES if re.search(mark, line)),
+        "correct the TOML there; text needs quotes, and a key or table is written once only",
+    )
 
 
 def toml_string(text: str) -> str:

@@ -458,6 +458,22 @@ def test_text_that_is_no_toml(text: str, where: str, what: str) -> None:
     assert what in problem.what
 
 
+@pytest.mark.parametrize(
+    ("line", "remedy"),
+    [
+        ("lead = 0,02", "write decimals with a point, 0.5"),
+        ("name = \u201caxis\u201d", 'write straight quotes, "like these"'),
+        ("J = \u22121.0", "write minus as the hyphen of the keyboard, -"),
+        ("a = 1\rb = 2", "save the file with line ends of Unix or Windows (LF, CR LF)"),
+        ("a = \u22121\r", "write minus as the hyphen of the keyboard, -"),
+        ("lead = ", "correct the TOML there; text needs quotes, and a key or table is written once only"),
+    ],
+)
+def test_what_keyboards_write_that_toml_refuses_is_named(line: str, remedy: str) -> None:
+    (problem,) = problems(f"[chain]\n{line}\n")
+    assert problem.remedy == remedy
+
+
 def test_file_name_with_control_characters_is_refused() -> None:
     with pytest.raises(SpecError, match=r"'a\\nimport os.toml': has a file name with control characters"):
         parse_spec(GOOD, "a\nimport os.toml")
