@@ -40,9 +40,15 @@ def describe_file(path: Path, model: Model | None) -> Description:
     Raises
     ------
     DataError
-        When the file cannot be read.
+        When the file cannot be read, or holds no numbers.
     """
     source = open_record(path)
+    if not source.names:
+        said = f" ({'; '.join(source.took)})" if source.took else ""
+        remedy = (
+            "save channels as vectors of numbers; of an object such as a timeseries ts, ts.Time and ts.Data"
+        )
+        raise DataError.at(str(path), f"holds no column of numbers{said}", remedy)
     source_load = source.load
     loaded = _loaded(source)
     source = replace(source, load=lambda names: _again(source_load, loaded, names))

@@ -11,40 +11,122 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from modelgen.runtime.files.size_limits import MOST_COLUMNS
+from modelgen.runtime.files.size_limits import LONGEST_NAME, MOST_COLUMNS
 
 NUMERIC = (h5py.h5t.INTEGER, h5py.h5t.FLOAT, h5py.h5t.ENUM)  # of which truth values are one
 DEEPEST = 100  # groups within each other: names of places cost the square of it
+DEEPEST_CELLS = 16  # within each other, as of older versions
+MOST_REFERENCES = 15 * MOST_COLUMNS  # so many fields of every trace
 UNIT_ATTRIBUTES = ("unit", "units", "Unit", "Units")
 
 
 def listing(path: Path) -> Iterator[Any]:
-    """Yield a list of the numeric data sets, {"name", "shape", "bytes", "unit", "elsewhere", "value"}, and
-    the attributes of the file that are single numbers; of too many data sets one more than are allowed.
+    """Yield the numeric data sets, the attributes of the file that are single numbers, and what is left out.
 
-    The low level of h5py is used: its objects take ten times as long.
+    A data set is {"name", "place", "shape", "bytes", "unit", "elsewhere", "value"}; of too many one more than
+    are allowed is listed. The low level of h5py is used: its objects take ten times as long.
     """
-    found: list[dict[str, Any]] = []
-
-    def visit(name: bytes, info: Any) -> bool | None:
-        if name.count(b"/") > DEEPEST:
-            raise ValueError(f"its groups are nested more than {DEEPEST} deep")
-        # MATLAB keeps the inside of its objects and cells in #refs#
-        if info.type != h5py.h5o.TYPE_DATASET or name.startswith(b"#"):
-            return None
-        facts = _facts(h5py.h5d.open(file.id, name))
-        found.extend([{"name": name.decode("utf-8", "surrogateescape"), **facts}] if facts else [])
-        return True if len(found) > MOST_COLUMNS else None  # which ends the visit
-
     with h5py.File(path, "r") as file:
-        h5py.h5o.visit(file.id, visit, info=True)
+        parts = _Parts(file.id)
+        parts.of_group(file.id, "", 0)
         numbers = {
             key: float(value)
             for key, value in file.attrs.items()
             if isinstance(value, (int, float, np.integer, np.floating))
         }
-    yield found
+    yield parts.found
     yield numbers
+    yield parts.left_out
+
+
+class _Parts:
+    """The data sets of a file, and those that the cells and arrays of structures of MATLAB refer to."""
+
+    def __init__(self, file: Any) -> None:
+        self.file = file
+        self.found: list[dict[str, Any]] = []
+        self.left_out: list[str] = []
+        self.followed = 0
+
+    def of_group(self, group: Any, prefix: str, depth: int) -> None:
+        """List what a group holds, under names that begin with the prefix."""
+
+        def visit(name: bytes, info: Any) -> bool | None:
+            if name.count(b"/") > DEEPEST:
+                raise ValueError(f"its groups are nested more than {DEEPEST} deep")
+            # MATLAB keeps the inside of its objects and cells in #refs#
+            if info.type == h5py.h5o.TYPE_DATASET and not name.startswith(b"#"):
+                told = prefix + name.decode("utf-8", "surrogateescape").replace("/", ".")
+                self.of_data_set(h5py.h5d.open(group, name), told, depth)
+            return True if len(self.found) > MOST_COLUMNS else None  # which ends the visit
+
+        h5py.h5o.visit(group, visit, info=True)
+
+    def of_data_set(self, item: Any, name: str, depth: int) -> None:
+        """List a data set, or what it refers to."""
+        attributes = h5py.Dataset(item).attrs if h5py.h5a.get_num_attrs(item) else {}
+        if "MATLAB_object_decode" in attributes:
+            self.left_out.append(f"{name} (an object)")
+        elif _refers(item):
+            self._of_references(item, name, depth + 1, attributes.get("MATLAB_class") == b"cell")
+        elif "MATLAB_empty" not in attributes:  # its numbers are its shape
+            facts = _facts(item)
+            if facts is not None:
+                place = h5py.h5i.get_name(item).decode("utf-8", "surrogateescape")
+                self.found.append({"name": name, "place": place, **facts})
+
+    def _of_references(self, item: Any, name: str, depth: int, is_cell: bool) -> None:
+        """List a cell as "c{2}", a field of several structures as "s(2).values", or by its label."""
+        if depth > DEEPEST_CELLS:
+            raise ValueError(f"its cells are nested more than {DEEPEST_CELLS} deep")
+        self.followed += prod(item.shape)
+        if self.followed > MOST_REFERENCES:
+            raise ValueError(f"its cells have more than {MOST_REFERENCES} entries")
+        whole, _, part = name.rpartition(".")
+        labels = [] if is_cell or part != "values" else self._labels(item)
+        several = prod(item.shape) > 1
+        for k, reference in enumerate(_whole(item).ravel()):
+            if is_cell:
+                told = f"{name}{{{k + 1}}}"
+            elif labels:
+                told = f"{whole}.{labels[k]}"
+            else:
+                told = f"{whole}({k + 1}).{part}" if several and whole else name
+            target = h5py.h5r.dereference(reference, self.file) if reference else None
+            if isinstance(target, h5py.h5d.DatasetID):
+                self.of_data_set(target, told, depth)
+            elif isinstance(target, h5py.h5g.GroupID):
+                self.of_group(target, f"{told}.", depth)
+
+    def _labels(self, values: Any) -> list[str]:
+        """Return the texts of "label" next to "values", as Simulink writes them, if they are names."""
+        group = h5py.h5o.open(self.file, h5py.h5i.get_name(values).rpartition(b"/")[0] or b"/")
+        # no link into another file is followed
+        if b"label" not in group or group.links.get_info(b"label").type != h5py.h5l.TYPE_HARD:
+            return []
+        item = h5py.h5o.open(group, b"label")
+        if not _refers(item) or item.shape != values.shape:
+            return []
+        texts = [_text(h5py.h5r.dereference(r, self.file)) if r else "" for r in _whole(item).ravel()]
+        plain = all(texts) and len(set(texts)) == len(texts) and "".join(texts).isprintable()
+        return texts if plain else []
+
+
+def _refers(item: Any) -> bool:
+    """Return whether something is a data set of references."""
+    return isinstance(item, h5py.h5d.DatasetID) and item.get_type().equal(h5py.h5t.STD_REF_OBJ) > 0
+
+
+def _text(item: Any) -> str:
+    """Return a text of MATLAB, an array of code units, or "" for what is none."""
+    if not isinstance(item, h5py.h5d.DatasetID) or prod(item.shape) > LONGEST_NAME:
+        return ""
+    if (
+        h5py.Dataset(item).attrs.get("MATLAB_class") != b"char"
+        or item.get_type().get_class() != h5py.h5t.INTEGER
+    ):
+        return ""
+    return "".join(map(chr, _whole(item).astype("u2").ravel()))
 
 
 def _facts(item: Any) -> dict[str, Any] | None:
@@ -81,10 +163,10 @@ def _whole(item: Any) -> npt.NDArray[Any]:
     return values
 
 
-def columns(path: Path, names: Sequence[str]) -> Iterator[Any]:
+def columns(path: Path, places: Sequence[str]) -> Iterator[Any]:
     """Yield the whole of each of these data sets."""
     with h5py.File(path, "r") as file:
-        for name in names:
+        for name in places:
             yield _whole(h5py.h5d.open(file.id, name.encode("utf-8", "surrogateescape")))
 
 
