@@ -9,18 +9,21 @@ test it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import inf, sqrt
 
 import numpy as np
 
 from modelgen.array_types import BoolArray, FloatArray
 from modelgen.runtime.diagnostics.noise_ways import NoiseWays, noise_ways
 from modelgen.runtime.diagnostics.thresholds import (
+    BOUND_DEVIATIONS,
     CONFIDENCE,
     DRAWS,
     FEWEST_LINES,
     LEAST_POWER,
+    MOST_BANDS,
     WHITENESS_HALVINGS,
     WHITENESS_LAGS,
     WHITENESS_ROUNDS,
@@ -116,6 +119,50 @@ def opened_bound(
         found_again.append(whiteness(found.of(opening(drawn).Y))[0])
     lags = min(WHITENESS_LAGS, len(found.power) // 4)
     return max(bound, bound * float(np.mean(found_again)) / lags, max(found_again))
+
+
+def largest_density(
+    model: Model,
+    record: Record,
+    block: RowBlock,
+    residuals: Sequence[FloatArray],
+    x: FloatArray,
+    choice: FilterChoice,
+    channel: str,
+) -> float:
+    """Return how dense white noise of a channel is at most, in its unit^2/Hz, for what a row leaves.
+
+    A row leaves no less than that noise in any band. Where the row does not hold the channel, or stretches
+    are short, that is no bound. The other parameters are those of `coloured`.
+
+    Parameters
+    ----------
+    residuals : sequence of array
+        Of stretches without a gap, shape (n,) each, in the row's unit.
+    x : array, shape (columns,)
+        All base parameters in SI, in the model's order, zero for those not in the fit.
+    """
+    factor = choice.decimation[block.record]
+    rate, row = record.fs / factor, model.rows[block.row]
+    ways = noise_ways(model, record, choice, factor)[block.row].of_residual(x)
+    long = [one for one in residuals if len(one) >= FEWEST_LINES]
+    if channel not in ways.slopes or not long:
+        return inf
+    ways = replace(ways, slopes={channel: ways.slopes[channel]})
+    each = [np.asarray(np.fft.rfftfreq(len(one), 1.0 / rate)[LINES], dtype=float) for one in long]
+    frequency_hz = np.concatenate(each)
+    shape = _shapes(ways, row.differentiated, choice, frequency_hz, rate, record.fs)[:, 0]
+    scales = [2.0 / (rate * float(np.sum(hann(len(one)) ** 2))) for one in long]
+    left = np.concatenate([scale * _periodogram(one) for scale, one in zip(scales, long, strict=True)])
+    order = np.argsort(frequency_hz, kind="stable")
+    order = order[shape[order] > LEAST_POWER * shape.max()]
+    bands = min(MOST_BANDS, len(order) // FEWEST_LINES)
+    # of m lines the mean is known to 1 / sqrt(m)
+    bounds = [
+        float(left[band].mean() / shape[band].mean()) * (1.0 + BOUND_DEVIATIONS / sqrt(len(band)))
+        for band in np.array_split(order, max(bands, 1))
+    ]
+    return min(bounds) if bands else inf
 
 
 def _periodogram(series: FloatArray) -> FloatArray:

@@ -85,6 +85,9 @@ WHITENESS_LAGS = 20
 WHITENESS_ROUNDS, WHITENESS_HALVINGS = 30, 8
 # Series of noise that are drawn to see what rows which leave forces open do to its whiteness.
 DRAWS = 40
+# What a row leaves bounds noise of its channels in each of so many bands at most, by so many deviations more
+# than is found: the least of sixteen bands of 32 lines is about two below the mean.
+MOST_BANDS, BOUND_DEVIATIONS = 16, 2.3
 # Frequencies at which the filter leaves less than this share of its largest power hold only rounding.
 LEAST_POWER = 1e-4
 

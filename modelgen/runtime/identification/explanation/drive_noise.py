@@ -9,7 +9,7 @@ rows: masks, weights that make them white, columns of delays that are projected 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import pi
 from typing import NamedTuple
 
@@ -17,7 +17,9 @@ import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.diagnostics.noise_ways import noise_ways
+from modelgen.runtime.diagnostics.residual_whiteness import largest_density
 from modelgen.runtime.diagnostics.row_noise import row_noise
+from modelgen.runtime.diagnostics.thresholds import MOST_SAMPLES
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.iv.held_motion import feedback_hz
@@ -26,6 +28,7 @@ from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import unmasked_rows
+from modelgen.runtime.rows.row_block import runs_of
 from modelgen.runtime.simulation.held_chain import held_chain
 from modelgen.runtime.simulation.plant import Plant, make_plant, possible
 
@@ -34,6 +37,8 @@ from modelgen.runtime.simulation.plant import Plant, make_plant, possible
 LONGEST_PERIOD, EVEN_LENGTH, FEW_FORCES = 1 << 16, 1 << 10, 4
 # So often over all forces: masks, and rows that begin anew behind them, see parts of it.
 DRAWS, FEWEST_DRAWS = 4, 2
+# Where rows leave less than this share of a force's floor, something else than noise stands in it.
+NOISE_ALONE = 0.5
 # Steps in which the largest share comes out to some percent.
 POWER_STEPS = 20
 
@@ -42,19 +47,21 @@ class DriveBias(NamedTuple):
     """By how much noise of the forces shifts an estimate, (c,) in SI, and `delays` estimated with it, in s.
 
     `spread`, (c, c), is the covariance of that number, and `share` the largest share of the instruments'
-    power along a direction that is this noise.
+    power along a direction that is this noise. It is `at_most` so much where what stands in a force's floor
+    is no noise alone.
     """
 
     shift: FloatArray
     delays: FloatArray
     spread: FloatArray
     share: float
+    at_most: bool = False
 
 
 def drive_bias(job: Job, fit: Fit) -> DriveBias:
     """Return by how much noise of the forces shifts an estimate by instruments of a chain.
 
-    (Z^T W)^-1 E[dZ^T n]. The noises are those of `noise_floor`, white, and no more than each row leaves.
+    (Z^T W)^-1 E[dZ^T n]. The noises are white, at the readings' floors, no more than rows leave in any band.
 
     Parameters
     ----------
@@ -70,10 +77,11 @@ def drive_bias(job: Job, fit: Fit) -> DriveBias:
     own = np.eye(c) if made is None else made[:c]
     plant = make_plant(job.model, possible(job.model, simulation_parameters(job.model, fit)))
     draws = max(FEWEST_DRAWS, DRAWS // len(job.model.actuators))
+    passed = {index: _passed(job, fit, index) for index in fit.by_record}
     found, power = np.zeros((draws, len(inverse))), np.zeros((c + 1, c + 1))
     for draw in range(draws):
         products = np.zeros((c + 1, c + 1))
-        for part, places in _weighed(fit, _drawn(job, fit, plant, draw)):
+        for part, places in _weighed(fit, _drawn(job, fit, plant, passed, draw)):
             products[np.ix_(places, places)] += part.T @ part
         found[draw] = inverse @ (own.T @ products[:c, c])
         power += products / draws
@@ -83,7 +91,8 @@ def drive_bias(job: Job, fit: Fit) -> DriveBias:
     share = _largest(inverse, own.T @ power[:c, :c] @ own)
     # columns of delays stand behind the parameters' where rows are white, and are projected out elsewhere
     delays = shift[c : c + len(fit.delays)] if fit.white is not None else _of_delays(job, fit, shift)
-    return DriveBias(shift[:c], delays, spread, share)
+    at_most = min(float(one) for shares in passed.values() for one in shares.values()) < NOISE_ALONE
+    return DriveBias(shift[:c], delays, spread, share, at_most)
 
 
 def _of_delays(job: Job, fit: Fit, shift: FloatArray) -> FloatArray:
@@ -130,7 +139,9 @@ def _weighed(
     return fit.white.rows.columns([t[at] for at, (t, _) in zip(repeated, tables, strict=True)], places)
 
 
-def _drawn(job: Job, fit: Fit, plant: Plant, draw: int) -> list[tuple[FloatArray, IntArray]]:
+def _drawn(
+    job: Job, fit: Fit, plant: Plant, passed: Mapping[int, Mapping[str, FloatArray]], draw: int
+) -> list[tuple[FloatArray, IntArray]]:
     """Return what noise of the forces adds to instruments and, last, to Y, and which columns these are.
 
     One pair a block, (period, k + 1) in SI and (k + 1,); Y counts as the column behind all.
@@ -142,12 +153,12 @@ def _drawn(job: Job, fit: Fit, plant: Plant, draw: int) -> list[tuple[FloatArray
     found = [(np.zeros((0, 0)), np.zeros(0, dtype=np.int64))] * len(fit.blocks)
     for index, blocks in fit.by_record.items():
         record, factor = job.records[index], choice.decimation[index]
-        noise, period = _answered(plant, record, choice, factor, [draw, index])
+        noise, period = _answered(plant, record, choice, factor, passed[index], [draw, index])
         rows, derivatives = unmasked_rows(model, noise, choice, factor), dict[str, FloatArray]()
         for number in blocks:
             row = fit.blocks[number].row
             ways = noise_ways(model, record, choice, factor)[row]
-            expected = row_noise(model, record, choice, factor, row, x)
+            expected = row_noise(model, record, choice, factor, row, x, passed=passed[index])
             seen = min(1.0, fit.rms(number) / expected) if expected else 0.0
             lines = np.zeros((period, len(ways.columns) + 1))
             for channel, by_order in ways.slopes.items():
@@ -165,19 +176,49 @@ def _drawn(job: Job, fit: Fit, plant: Plant, draw: int) -> list[tuple[FloatArray
     return found
 
 
+def _passed(job: Job, fit: Fit, index: int) -> Mapping[str, FloatArray]:
+    """Return by force the share of its floor that may be noise in a record: rows that hold it leave no less.
+
+    Above a filter's band may stand what moves the machine, such as the edges of a pseudorandom binary force.
+    """
+    x, record, shares = fit.all_parameters(job.model.base_parameters), job.records[index], {}
+    left = [(fit.blocks[number], _left(fit, number)) for number in fit.by_record[index]]
+    for key in (one.key for one in job.model.actuators):
+        floor = record.facts.spectrum(key).noise
+        most = [
+            largest_density(job.model, record, block, residuals, x, job.choice, key)
+            for block, residuals in left
+        ]
+        shares[key] = np.asarray(min([1.0, *(one / floor for one in most)]) if floor > 0.0 else 1.0)
+    return shares
+
+
+def _left(fit: Fit, number: int) -> list[FloatArray]:
+    """Return what a row leaves of stretches without a gap; of rows that are made again the longest one."""
+    block = fit.blocks[number]
+    if block.in_memory:
+        return [fit.residuals[number][run] for run in runs_of(block.place)]
+    return [fit.fitted(number, block.longest_run(MOST_SAMPLES)).residual]
+
+
 def _answered(
-    plant: Plant, record: Record, choice: FilterChoice, factor: int, seed: list[int]
+    plant: Plant,
+    record: Record,
+    choice: FilterChoice,
+    factor: int,
+    passed: Mapping[str, FloatArray],
+    seed: list[int],
 ) -> tuple[Record, int]:
     """Return two periods of the forces' noise, and of what the held chain answers to it, as a record.
 
-    A period is as many samples kept.
+    A period is as many samples kept; of a force's floor the share `passed` is noise.
     """
     actuators, step = plant.model.actuators, EVEN_LENGTH * factor
     longest = LONGEST_PERIOD // -(-len(actuators) // FEW_FORCES)
     n = -(-min(record.n, longest) // step) * step
     omega = np.asarray(2.0 * pi * np.fft.rfftfreq(n, record.dt), dtype=float)
     phases = 2.0 * pi * np.random.default_rng(seed).random((len(actuators), len(omega)))
-    densities = np.array([record.facts.spectrum(one.key).noise for one in actuators])
+    densities = np.array([float(passed[one.key]) * record.facts.spectrum(one.key).noise for one in actuators])
     noise = np.sqrt(0.5 * record.fs * n * densities)[:, None] * np.exp(1j * phases)
     noise[:, 0] = 0.0
     pushes = plant.space(tuple(1 for _ in plant.sticking)).B[len(plant.bodies) :] * plant.inertia[:, None]

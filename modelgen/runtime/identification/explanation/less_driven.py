@@ -71,16 +71,19 @@ def less_driven(
         if again:
             raise IdentifiabilityError.at("instruments", "are shifted by noise of the forces", "filter less")
         return fit, np.outer(bias.shift, bias.shift), (f"{told}); the intervals are widened by that",)
-    shifted = x - bias.shift
+    # between nothing and all of it where it is no more than a bound
+    taken = 0.5 if bias.at_most else 1.0
+    shifted = x - taken * bias.shift
     with np.errstate(divide="ignore"):
-        size = 100.0 * abs(np.divide(bias.shift[most], shifted[most]))
+        size = 100.0 * abs(np.divide(taken * bias.shift[most], shifted[most]))
     solution = replace(fit.solution, x=shifted)
     moved = [*bias.delays.tolist(), *[0.0] * (len(fit.delays) - len(bias.delays))]
-    late = tuple((key, late - by, std) for (key, late, std), by in zip(fit.delays, moved, strict=True))
+    late = tuple(
+        (key, late - taken * by, std) for (key, late, std), by in zip(fit.delays, moved, strict=True)
+    )
     # residuals stay: what each instant adds to the estimate's error has a mean of zero in these
     found = replace(fit, solution=solution, delays=late)
     # at reversals noise turns friction as well, which moves instruments in another way
-    left = (LEFT_TURNING if fit.turning else LEFT_DRIVEN) ** 2 * np.outer(
-        bias.shift, bias.shift
-    ) + bias.spread
+    part = max(LEFT_TURNING if fit.turning else LEFT_DRIVEN, 1.0 - taken)
+    left = part**2 * np.outer(bias.shift, bias.shift) + bias.spread
     return found, left, (f"{told}, by {size:.2g} %), which is taken off",)

@@ -177,3 +177,31 @@ def test_beside_effects_that_are_simulated_it_stays_in_the_intervals(loud: tuple
     # a zero holds no noise
     found, _, _ = less_driven.less_driven(replace(job, effects=(zero_effect("q_c", 0, 1),)), IV(), fit)
     assert np.allclose(found.solution.x, fit.solution.x - shift)
+
+
+def test_what_moves_the_machine_above_the_filter_is_not_taken_for_noise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # edges of a pseudorandom binary force fill the band from which the floor is read
+    hz = np.random.default_rng(3).uniform(390.0, 499.0, 300)
+    edges = [(1.5 / (TRUTH["M"] * 2.0 * np.pi * one), float(one)) for one in hz]
+    busy = swings((0.02, 1.3), (0.004, 4.1), (0.0005, 23.0), *edges)
+    record, white = rigid_record(busy, n=8_000, force_noise=0.5, noise=5e-7), 2.0 * 0.5**2 / 1000.0
+    found = []
+
+    def kept(job: Job, fit: Fit) -> DriveBias:
+        bias = drive_bias(job, fit)
+        share = float(drive_noise._passed(job, fit, 0)["F"])
+        found.append((fit.solution.x[0], bias, share * record.facts.spectrum("F").noise))
+        return bias
+
+    monkeypatch.setattr(less_driven, "drive_bias", kept)
+    moved = identify(RIGID, record, method="iv", cutoff_hz=40.0)
+    x, bias, noise = found[0]
+    assert record.facts.spectrum("F").noise > 3000.0 * white
+    assert white < noise < 100.0 * white
+    # a bound says that it is between nothing and all of that
+    assert bias.at_most
+    assert moved.params["M"] == pytest.approx(x - 0.5 * bias.shift[0], rel=1e-9)
+    assert moved.bse["M"] > 0.5 * abs(bias.shift[0])
+    assert abs(moved.params["M"] - TRUTH["M"]) < 3.0 * moved.bse["M"]
