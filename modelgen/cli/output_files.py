@@ -71,7 +71,7 @@ class OutputFiles:
 
             step("writing the report")
             page = report_text(found, module, options, spec, controller)
-            write_whole(self.report, page.encode(), overwrite=self.overwrite)
+            write_whole(self.report, page.encode(errors="backslashreplace"), overwrite=self.overwrite)
         if self.figure is not None:
             from modelgen.cli.figure import write_figure
 

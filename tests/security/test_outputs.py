@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from typer.testing import CliRunner
 from modelgen.cli.main import app
 from modelgen.errors import DataError, RenderError
 from modelgen.render.target import user_files
+from modelgen.render.target_writer import write_target
 from modelgen.runtime.records.read_record import read_record
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.records.write_record import write_record
@@ -132,3 +134,28 @@ def test_new_refuses_what_is_no_name(trap: Path, name: str) -> None:
     assert result.stderr.startswith("error: ")
     assert "Traceback" not in result.output
     assert list(trap.iterdir()) == []
+
+
+def test_a_folder_whose_name_is_no_text(trap: Path) -> None:
+    """Old disks name folders in Latin-1: what is written says where files are, and is text all the same."""
+    folder = trap / os.fsdecode(b"Pr\xfcfung")
+    folder.mkdir()
+    t = np.arange(2000) / 1000.0
+    q, speed, change = np.sin(8.0 * t), 8.0 * np.cos(8.0 * t), -64.0 * np.sin(8.0 * t)
+    table = np.column_stack([t, q, 90.0 * change + 200.0 * speed + 20.0 * np.sign(speed)])
+    np.savetxt(folder / "run.csv", table, delimiter=",", header="t,q_m,F", comments="")
+    module = write_target(load_spec(catalog_path("emps_rigid")), ["qm"], folder)[0]
+    told = [str(folder / "run.csv"), "--model", str(module)]
+    for command in (
+        ["import", *told],
+        ["identify", *told, "--method", "wls", "--report", str(folder / "r.html")],
+        ["identify", *told, "--method", "wls", "--save-project", str(folder / "p.project.toml")],
+        ["run", str(folder / "p.project.toml")],
+    ):
+        done = CliRunner().invoke(app, command)
+        assert done.exit_code == 0, (done.output, done.exception)
+    assert "Pr\\udcfcfung" in (folder / "r.html").read_text(encoding="utf-8")
+    elsewhere = ["identify", *told, "--method", "wls", "--save-project", str(trap / "p.project.toml")]
+    done = CliRunner().invoke(app, elsewhere)
+    assert done.exit_code == 2
+    assert "has a name that a project file cannot hold" in done.output

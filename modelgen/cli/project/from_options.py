@@ -84,10 +84,14 @@ def _chain(typed: Mapping[str, Any], sets: Sequence[str], path: Path) -> dict[st
 
 def _relative(place: Path, project: Path) -> str:
     try:
-        return Path(os.path.relpath(place.resolve(), project.resolve().parent)).as_posix()
+        found = Path(os.path.relpath(place.resolve(), project.resolve().parent)).as_posix()
     except ValueError as error:  # another drive of Windows
         remedy = "save the project on the drive of its files"
         raise DataError.at(str(place), f"cannot be reached from {project}", remedy) from error
+    if found.isprintable():
+        return found
+    what = "has a name that a project file cannot hold (it is no UTF-8 text, or has control characters)"
+    raise DataError.at(str(place), what, "rename it, or save the project in its folder")
 
 
 def _below(place: Path | None, project: Path) -> str | None:

@@ -47,5 +47,5 @@ def write_result_page(
     step("writing the report")
     command, options = f"modelgen {context.info_name}", given_options(context)
     page = result_page(title, command, parts_of(printed), options, intervals, validations)
-    write_whole(path, page.encode(), overwrite=overwrite)
+    write_whole(path, page.encode(errors="backslashreplace"), overwrite=overwrite)
     note([f"wrote {path}"])

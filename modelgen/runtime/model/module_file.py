@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import os
 import re
 import sys
 from importlib.machinery import SourceFileLoader
@@ -42,7 +43,7 @@ def execute_file(path: Path, trust: bool = False) -> ModuleType:
     place = str(path.resolve())
     if not trust:
         refuse_foreign(text, where)
-    return _execute(_module_name(path.stem, place.encode()), place, text, where)
+    return _execute(_module_name(path.stem, os.fsencode(place)), place, text, where)
 
 
 def read_module(path: Path) -> str:

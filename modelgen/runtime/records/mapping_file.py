@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from modelgen.documents import toml_document, toml_string
-from modelgen.errors import DataError, Problem
+from modelgen.errors import DataError, Problem, visible
 from modelgen.magnitudes import FACTOR_REMEDY, FREQUENCY_REMEDY, is_frequency, is_usable
 from modelgen.read_file import MAPPING, read_text
 from modelgen.runtime.files.units import states_no_unit, unit_from_text
@@ -101,7 +101,9 @@ def mapping_text(
     mends: tuple[str, ...],
 ) -> str:
     """Return the text of a mapping file; what could not be decided is written as a comment."""
-    lines = [f"# Channels of {source} for: modelgen identify DATA --model MODULE.py --map-file THIS_FILE"]
+    lines = [
+        f"# Channels of {visible(source)} for: modelgen identify DATA --model MODULE.py --map-file THIS_FILE"
+    ]
     lines += ["# Check every line, and correct what was taken wrongly.", ""]
     if mends:
         lines += ["# Found wrong with the file; remove the # before what is to be mended:"]

@@ -56,7 +56,7 @@ class _Parts:
                 raise ValueError(f"its groups are nested more than {DEEPEST} deep")
             # MATLAB keeps the inside of its objects and cells in #refs#
             if info.type == h5py.h5o.TYPE_DATASET and not name.startswith(b"#"):
-                told = prefix + name.decode("utf-8", "surrogateescape").replace("/", ".")
+                told = prefix + name.decode("utf-8", "backslashreplace").replace("/", ".")
                 self.of_data_set(h5py.h5d.open(group, name), told, depth)
             return True if len(self.found) > MOST_COLUMNS else None  # which ends the visit
 
