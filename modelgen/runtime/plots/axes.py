@@ -16,6 +16,8 @@ import numpy as np
 from modelgen.errors import DataError
 from modelgen.optional_library import optional_library
 
+#: for names of records and channels, which may be any text: a $ in them begins no formula
+VERBATIM: dict[str, Any] = {"parse_math": False}
 WIDTH, HEIGHT = 7.5, 2.4  # of a panel, in inches
 
 

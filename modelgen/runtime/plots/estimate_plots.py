@@ -11,7 +11,7 @@ from modelgen.runtime.curves.rebuilt import Rebuilt, autocorrelation, rebuild, u
 from modelgen.runtime.curves.responses import responses
 from modelgen.runtime.curves.subject import model_of, records_of
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.plots.axes import drawn, panels
+from modelgen.runtime.plots.axes import VERBATIM, drawn, panels
 from modelgen.runtime.plots.parameter_plots import chosen_names, draw_parameter, named_estimates
 from modelgen.runtime.plots.response_plots import HEIGHTS, draw_measured, draw_modelled, label_axes
 from modelgen.runtime.plots.row_plots import draw_autocorrelation, draw_residual, draw_row
@@ -76,7 +76,7 @@ class EstimatePlots:
         label_axes(axes, pair.title, pair.modelled.unit)
         axes[0].legend(frameon=False, fontsize=8)
         if pair.modelled.notes:
-            axes[0].set_title("; ".join(pair.modelled.notes), loc="right", fontsize=7)
+            axes[0].set_title("; ".join(pair.modelled.notes), loc="right", fontsize=7, **VERBATIM)
         return drawn(axes)
 
     def fit(

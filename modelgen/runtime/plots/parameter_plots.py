@@ -7,7 +7,7 @@ from typing import Any
 
 from modelgen.errors import DataError
 from modelgen.runtime.parameters.parameter import Parameter
-from modelgen.runtime.plots.axes import colours
+from modelgen.runtime.plots.axes import VERBATIM, colours
 from modelgen.runtime.records.record import missing_name
 from modelgen.runtime.results.estimate import Estimate
 
@@ -75,6 +75,6 @@ def draw_parameter(axis: Any, name: str, estimates: Mapping[str, Estimate], alph
         axis.plot([entry.value], [-place], color=shade, marker="o", markersize=5.0)
         unit = entry.unit
     axis.set_xlabel(f"{name} in {unit}" if unit else name)
-    axis.set_yticks([-place for place in range(len(estimates))], list(estimates))
+    axis.set_yticks([-place for place in range(len(estimates))], list(estimates), **VERBATIM)
     axis.set_ylim(0.6 - len(estimates), 0.6)
     axis.grid(axis="x", alpha=0.25)

@@ -9,7 +9,7 @@ import numpy as np
 
 from modelgen.errors import DataError
 from modelgen.runtime.curves.buckets import channel_buckets
-from modelgen.runtime.plots.axes import colours, drawn, panels
+from modelgen.runtime.plots.axes import VERBATIM, colours, drawn, panels
 from modelgen.runtime.records.record import missing_name
 
 if TYPE_CHECKING:
@@ -57,9 +57,9 @@ class RecordPlots:
                 axis.fill_between(time_s, low, high, color=colour, linewidth=0.6)
             else:
                 axis.plot(time_s, low, color=colour, linewidth=1.0)
-            axis.set_ylabel(f"{key} in {units.get(key, 'SI units')}")
+            axis.set_ylabel(f"{key} in {units.get(key, 'SI units')}", **VERBATIM)
             axis.margins(x=0.0)
-        axes[0].set_title(record.name, loc="left")
+        axes[0].set_title(record.name, loc="left", **VERBATIM)
         axes[-1].set_xlabel("time in s")
         return drawn(axes)
 
@@ -81,8 +81,8 @@ class RecordPlots:
             if found.noise > 0.0:
                 axis.axhline(np.sqrt(found.noise), color=colour.residual, linestyle="--", label="white noise")
                 axis.legend(frameon=False)
-            axis.set_ylabel(f"{key} in {units.get(key, 'SI units')} / √Hz")
-        axes[0].set_title(f"{record.name}, root of the spectral density", loc="left")
+            axis.set_ylabel(f"{key} in {units.get(key, 'SI units')} / √Hz", **VERBATIM)
+        axes[0].set_title(f"{record.name}, root of the spectral density", loc="left", **VERBATIM)
         axes[-1].set_xlabel("frequency in Hz")
         return drawn(axes)
 

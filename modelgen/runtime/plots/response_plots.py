@@ -8,7 +8,7 @@ import numpy as np
 
 from modelgen.runtime.curves.response_phase import wrapped_phase
 from modelgen.runtime.curves.thresholds import Z_95
-from modelgen.runtime.plots.axes import colours, drawn, panels
+from modelgen.runtime.plots.axes import VERBATIM, colours, drawn, panels
 from modelgen.runtime.records.thresholds import LEAST_COHERENCE
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def draw_modelled(axes: list[Any], found: ModelResponse) -> None:
 
 def label_axes(axes: list[Any], title: str, unit: str) -> None:
     """Write what is shown, with units, along three axes of a frequency response."""
-    axes[0].set_title(title, loc="left")
+    axes[0].set_title(title, loc="left", **VERBATIM)
     axes[0].set_ylabel(f"magnitude in {unit}")
     axes[1].set_ylabel("phase in deg")
     axes[1].set_ylim(-280.0, 100.0)

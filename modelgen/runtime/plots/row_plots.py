@@ -9,7 +9,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.curves.buckets import buckets
 from modelgen.runtime.curves.rebuilt import Autocorrelation, Rebuilt
-from modelgen.runtime.plots.axes import colours
+from modelgen.runtime.plots.axes import VERBATIM, colours
 
 QUANTITIES = {"N m": "torque", "N": "force"}  # a row that is differentiated has another unit
 MOST = 4000  # intervals of a curve: more than a screen has pixels
@@ -57,7 +57,7 @@ def draw_autocorrelation(axis: Any, found: Autocorrelation | None) -> None:
 
 def label_row(axis: Any, title: str, unit: str) -> None:
     """Write what is shown, with units, along an axis."""
-    axis.set_title(title, loc="left", fontsize=10)
+    axis.set_title(title, loc="left", fontsize=10, **VERBATIM)
     axis.set_xlabel("time in s")
     axis.set_ylabel(f"{QUANTITIES.get(unit, 'row')} in {unit}")
     axis.margins(x=0.0)

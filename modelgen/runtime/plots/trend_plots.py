@@ -10,7 +10,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.optional_library import optional_library
-from modelgen.runtime.plots.axes import colours
+from modelgen.runtime.plots.axes import VERBATIM, colours
 from modelgen.runtime.trend.thresholds import Z95
 from modelgen.runtime.trend.trend import QuantityTrend, Trend
 
@@ -72,11 +72,12 @@ def _label(axis: Any, one: QuantityTrend, found: Trend, places: FloatArray) -> N
     said = "scatters" if one.scatters else "no change"
     if one.changes:
         said = f"changed {found.labels[one.changes[0].entry]}"
-    axis.set_title(f"{series.name}, {said}", loc="left", fontsize=10)
+    axis.set_title(f"{series.name}, {said}", loc="left", fontsize=10, **VERBATIM)
     axis.set_ylabel(series.unit or "1")
     axis.ticklabel_format(axis="y", useOffset=False)
     shown = np.unique(np.linspace(0, len(places) - 1, min(MOST_TICKS, len(places))).round().astype(int))
     labels = [label if len(label) <= 16 else f"{label[:13]}..." for label in found.labels]
-    axis.set_xticks(places[shown], [labels[k] for k in shown], rotation=20, fontsize=8, ha="right")
+    shown_labels = [labels[k] for k in shown]
+    axis.set_xticks(places[shown], shown_labels, rotation=20, fontsize=8, ha="right", **VERBATIM)
     margin = 0.05 * max(float(places[-1] - places[0]), 1.0)
     axis.set_xlim(places[0] - margin, places[-1] + margin)

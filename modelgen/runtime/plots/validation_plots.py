@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modelgen.runtime.plots.axes import drawn, panels
+from modelgen.runtime.plots.axes import VERBATIM, drawn, panels
 from modelgen.runtime.plots.row_plots import draw_pair
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class ValidationPlot:
             time_s = (check.start + np.arange(check.measured.size, dtype=float)) / found.fs
             draw_pair(axis, time_s, check.measured, check.simulated, ("measured", found.kind))
             what = f"{found.record}, {check.channel}: {check.kind}, fit {check.fit:.4g} %"
-            axis.set_title(what, loc="left", fontsize=10)
+            axis.set_title(what, loc="left", fontsize=10, **VERBATIM)
             axis.set_ylabel(f"{check.channel} in {check.unit}")
             axis.margins(x=0.0)
         axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=8)

@@ -68,6 +68,13 @@ def test_a_frequency_response_has_three_panels() -> None:
     assert axes[-1].get_xlabel() == "frequency in Hz"
 
 
+def test_names_are_no_formulas() -> None:
+    record = Record({r"i_$\bad$": np.arange(9.0), "q": np.arange(9.0) ** 2}, 1000.0, r"costs $5, $\bad{$")
+    for axes in (record.plot(), record.plot.spectra()):
+        axes[0].figure.canvas.draw()  # which would raise
+        assert axes[0].get_title(loc="left").startswith(r"costs $5, $\bad{$")
+
+
 def test_nothing_of_matplotlib_is_changed() -> None:
     before = dict(mpl.rcParams)
     bench().plot()
