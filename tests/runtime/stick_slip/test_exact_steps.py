@@ -361,6 +361,13 @@ def test_a_stiff_link_divides_the_steps() -> None:
     )
 
 
+@pytest.mark.parametrize(("stiffness", "damping", "parts"), [(4.5e8, 0.0, 16), (5.0, 25e3, 28)])
+def test_a_part_spans_two_radians_or_two_time_constants(stiffness: float, damping: float, parts: int) -> None:
+    # 30 rad, or 50 time constants, a step; the norm of its matrix alone had asked for 451 and 26 parts
+    system = chain((1.0, 1.0), (stiffness,), (damping,))
+    assert 0.9 * parts < refinement(system, STEP) <= parts
+
+
 def test_a_sticking_body_does_not_creep_beside_a_stiff_vibration() -> None:
     system = chain((1.0, 1.0), (1.5e6,), coulomb={0: (1e9, 1e9)})
     path = integrate(system, np.array([0.1, 0.2, 0.0, 1.0]), np.zeros((10001, 1)), STEP)
