@@ -76,5 +76,8 @@ def draw_parameter(axis: Any, name: str, estimates: Mapping[str, Estimate], alph
         unit = entry.unit
     axis.set_xlabel(f"{name} in {unit}" if unit else name)
     axis.set_yticks([-place for place in range(len(estimates))], list(estimates), **VERBATIM)
+    # whole numbers, not what is to be added to a corner, and room for their digits
+    axis.ticklabel_format(axis="x", useOffset=False)
+    axis.locator_params(axis="x", nbins=5)
     axis.set_ylim(0.6 - len(estimates), 0.6)
     axis.grid(axis="x", alpha=0.25)

@@ -18,6 +18,7 @@ MOST = 4000  # intervals of a curve: more than a screen has pixels
 def draw_row(axis: Any, row: Rebuilt) -> None:
     """Draw the measured and rebuilt left-hand side of a row and their difference over time in s."""
     draw_pair(axis, _times(row), row.measured, row.rebuilt)
+    _say_if_empty(axis, row)
     label_row(axis, f"{row.record}, row {row.row}", row.unit)
 
 
@@ -38,6 +39,7 @@ def draw_pair(
 def draw_residual(axis: Any, row: Rebuilt) -> None:
     """Draw the residual of a row over time in s."""
     draw_series(axis, _times(row), row.residual, color=colours(axis).residual, linewidth=0.8)
+    _say_if_empty(axis, row)
     label_row(axis, f"{row.record}, row {row.row}", row.unit)
 
 
@@ -46,13 +48,22 @@ def draw_autocorrelation(axis: Any, found: Autocorrelation | None) -> None:
     axis.set_title("autocorrelation", loc="left", fontsize=10)
     axis.set_xlabel("lag in ms")
     if found is None:
-        axis.text(0.5, 0.5, "no residual left", ha="center", va="center", transform=axis.transAxes)
+        _write_across(axis, "a residual of fewer than 20 samples, or of zeros")
         return
     colour, lag_ms = colours(axis), 1e3 * found.step_s * np.arange(found.values.size, dtype=float)
     axis.axhspan(-found.bound, found.bound, color=colour.modelled, alpha=0.2, linewidth=0.0)
     axis.vlines(lag_ms, 0.0, found.values, color=colour.residual, linewidth=0.8)
     axis.axhline(0.0, color=colour.measured, linewidth=0.8)
     axis.margins(x=0.01)
+
+
+def _say_if_empty(axis: Any, row: Rebuilt) -> None:
+    if not np.isfinite(row.residual).any():
+        _write_across(axis, "not drawn: no sample of it is left, as near reversals")
+
+
+def _write_across(axis: Any, text: str) -> None:
+    axis.text(0.5, 0.5, text, ha="center", va="center", fontsize=8, transform=axis.transAxes)
 
 
 def label_row(axis: Any, title: str, unit: str) -> None:

@@ -10,7 +10,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from modelgen.errors import DataError
+from modelgen.runtime.curves.rebuilt import Rebuilt
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.plots.row_plots import draw_residual, draw_row
 from modelgen.runtime.results.estimate import Estimate
 from tests.runtime.two_mass_records import GEARED, SMALL, two_mass_records
 
@@ -47,6 +49,14 @@ def test_fit_and_residuals_have_a_panel_a_row_and_record() -> None:
     assert estimate.plot.residuals(axes=own)[0] is own[0, 0]
 
 
+def test_a_row_without_samples_says_so() -> None:
+    row = Rebuilt("run", "m", "N m", 0.0, 0.01, *[np.full(30, np.nan)] * 2, masked=30, has_force=True)
+    for draw in (draw_row, draw_residual):
+        axis = Figure().subplots()
+        draw(axis, row)
+        assert [text.get_text().partition(":")[0] for text in axis.texts] == ["not drawn"]
+
+
 def test_what_is_drawn_is_what_was_fitted() -> None:
     estimate = estimated()
     axes = np.ravel(estimate.plot.residuals())[::2]
@@ -66,6 +76,7 @@ def test_parameters_stand_side_by_side() -> None:
         assert axis.get_xlabel() == f"{entry.name} in {entry.unit}"
         assert [label.get_text() for label in axis.get_yticklabels()] == ["this", "another day"]
         np.testing.assert_allclose(axis.lines[0].get_xdata(), entry.interval())
+        assert not axis.xaxis.get_major_formatter().get_useOffset()
         assert axis.lines[3].get_xdata() == pytest.approx([other.physical[entry.name]])
     names = [label.get_text() for label in estimate.plot.parameters([other], "K").get_yticklabels()]
     assert names == ["1. wls: chirp, trapezoid", "2. wls: chirp, trapezoid"]
