@@ -17,7 +17,10 @@ from modelgen.runtime.records.thresholds import LEAST_SCORE, STILL
 
 # words in the names of columns, in the languages of the instruments seen so far
 QUANTITIES = {
-    "position": ("pos", "position", "angle", "theta", "phi", "q", "x", "enc", "encoder", "winkel", "lage"),
+    "position": (
+        *("pos", "position", "angle", "theta", "phi", "q", "x", "enc", "encoder", "winkel", "lage"),
+        *("geber", "drehgeber", "inkrementalgeber", "weg", "codeur", "resolver"),
+    ),
     "velocity": (
         *("vel", "velo", "velocity", "speed", "omega", "w", "v", "rpm"),
         *("drehzahl", "geschw", "geschwindigkeit", "winkelgeschwindigkeit"),
@@ -210,7 +213,8 @@ def _score(want: _Wanted, column: _Column, bodies: Collection[str]) -> float:
     score -= 2.0 * any(
         word in BODIES[name] for name in BODIES if name in bodies and name != want.body for word in words
     )
-    score += 2.0 * (key in name)
+    # a letter or two stand in many names by chance
+    score += 2.0 * (key in (name if len(key) > 2 else words))
     if unit is not None:
         if unit.si == want.unit:
             score += 3.0
