@@ -17,9 +17,9 @@ from typing import Any
 
 from modelgen.documents import Document
 from modelgen.errors import SpecError
+from modelgen.number_expression import PI
 from modelgen.read_file import SPEC, read_text
 from modelgen.spec.chain import GROUND, LINK_ROLES, Body, ChainSpec, Friction, Link, Sensor
-from modelgen.spec.number_expression import PI
 from modelgen.spec.references import check_references
 from modelgen.spec.spec_file import SpecFile, describes_arm, in_file, spec_file
 from modelgen.spec.tables import check_tables

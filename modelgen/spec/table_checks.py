@@ -18,7 +18,7 @@ from modelgen.documents import Document
 from modelgen.errors import Problem, nearest
 from modelgen.generated_module.literals import hidden_character
 from modelgen.magnitudes import FACTOR_REMEDY, REMEDY, is_usable
-from modelgen.spec.number_expression import Misread, exact_number
+from modelgen.number_expression import Misread, exact_number
 from modelgen.spec.words import identifier_problem, path, shown, suggest
 
 

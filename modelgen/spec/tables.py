@@ -9,8 +9,8 @@ from pydantic import BeforeValidator, Field
 
 from modelgen.documents import Document
 from modelgen.errors import Problem
+from modelgen.number_expression import exact_number
 from modelgen.spec.chain import Friction
-from modelgen.spec.number_expression import exact_number
 from modelgen.spec.table_checks import (
     FileForm,
     Name,

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from modelgen.errors import SpecError
+from modelgen.number_expression import PI
 from modelgen.render.writer import generate
 from modelgen.runtime.model.model import model_from_text
 from modelgen.spec.chain import ChainSpec
 from modelgen.spec.load import parse_spec
-from modelgen.spec.number_expression import PI
 from modelgen.symbolic.equations.equation_sums import contradicts_itself
 from modelgen.symbolic.pipeline import build
 

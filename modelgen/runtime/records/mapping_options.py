@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from modelgen.errors import DataError, Problem
 from modelgen.magnitudes import is_usable
+from modelgen.number_expression import Misread, exact_number
 
 T = TypeVar("T")
 CHANNEL_KEY = r"[A-Za-z][A-Za-z0-9_]{0,63}"
@@ -26,14 +27,15 @@ def parse_mapping(options: Iterable[str]) -> dict[str, str]:
 
 
 def parse_scales(options: Iterable[str]) -> dict[str, float | str]:
-    """Return the factors that options such as ``"F=35.15"`` or ``"F=gtau"`` (a scalar in the file) spell.
+    """Return the factors that ``"F=35.15"``, ``"q=2*pi/4096"`` or ``"F=gtau"`` (a scalar in the file) spell.
 
     Raises
     ------
     DataError
         With one problem per option that is not KEY=FACTOR or repeats a key.
     """
-    form = "write KEY=FACTOR, a number other than zero or the name of a scalar in the file: --scale q_m=0.001"
+    what = "a number other than zero or the name of a scalar in the file"
+    form = f"write KEY=FACTOR, {what}: --scale q_m=2*pi/4096"
     return _parse("--scale", options, form, _factor_from_text)
 
 
@@ -68,5 +70,9 @@ def _factor_from_text(text: str) -> float | str | None:
     try:
         factor = float(text)
     except ValueError:
-        return text if re.fullmatch(r"[A-Za-z_]\w*", text) else None
+        try:
+            number = exact_number(text)
+        except Misread:
+            return text if re.fullmatch(r"[A-Za-z_]\w*", text) else None
+        factor = float(number) if is_usable(number) else 0.0
     return factor if is_usable(factor) and factor != 0.0 else None

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from modelgen.errors import Problem
+from modelgen.errors import Problem, shortened
 from modelgen.magnitudes import FACTOR_REMEDY, is_usable, shown_number
+from modelgen.number_expression import Misread, exact_number
 from modelgen.runtime.files.source import Source
 from modelgen.runtime.files.units import Unit, states_no_unit, unit_from_text
 from modelgen.runtime.records.record import missing_name
@@ -52,11 +54,7 @@ def pick_columns(
             problems.append(Problem(f"{source.path}: unit of {key}", what, remedy))
         factor = scales.get(key, unit.factor if unit else 1.0)
         if isinstance(factor, str):
-            if factor not in source.scalars:
-                problems.append(
-                    missing_name(f"{source.path}: scale of {key}", "scalar", factor, source.scalars)
-                )
-            factor = source.scalars.get(factor, 1.0)
+            factor = _written_factor(source, key, factor, problems)
         if not is_usable(factor) or factor == 0.0:
             problems.append(
                 Problem(f"{source.path}: scale of {key}", f"is {shown_number(factor)}", FACTOR_REMEDY)
@@ -74,6 +72,22 @@ def pick_columns(
     if not keys:
         problems.append(Problem(str(source.path), "has no columns to read", "give a file that holds samples"))
     return picks, problems
+
+
+def _written_factor(source: Source, key: str, text: str, problems: list[Problem]) -> float:
+    """Return what a text means: a scalar of the file, or a number such as "2*pi/4096"; 1 of a problem."""
+    if text in source.scalars:
+        return source.scalars[text]
+    where = f"{source.path}: scale of {key}"
+    try:
+        number = exact_number(text)
+    except Misread as found:
+        if text[:1].isalpha() or text.startswith("_"):
+            problems.append(missing_name(where, "scalar", text, source.scalars))
+        else:
+            problems.append(Problem(where, f"is {shortened(text)!r}, which {found.what}", found.remedy))
+        return 1.0
+    return float(number) if is_usable(number) else math.inf
 
 
 def shared_problems(source: Source, picks: Sequence[Pick], wanted: Collection[str]) -> list[Problem]:

@@ -7,8 +7,8 @@ import re
 from fractions import Fraction
 
 from modelgen.magnitudes import is_usable
+from modelgen.number_expression import PI, Misread, exact_number
 from modelgen.spec.arms.arm import Angle
-from modelgen.spec.number_expression import PI, Misread, exact_number
 from modelgen.spec.words import shown
 
 #: What is nearer to a multiple of 90 degrees is that multiple: 1.5708 rad is 3.7e-6 off pi/2, and a sixth

@@ -9,6 +9,7 @@ from heapq import heapify, heappop, heappush
 from typing import Any, cast
 
 from modelgen.documents import Document
+from modelgen.number_expression import exact_number
 from modelgen.spec.arms.angles import read_angle
 from modelgen.spec.arms.arm import Angle, ArmSpec, Joint, JointKind, Length, Shift, Step
 from modelgen.spec.arms.drives import with_drive
@@ -18,7 +19,6 @@ from modelgen.spec.arms.payloads import draft_payloads, weighed
 from modelgen.spec.arms.placements import ROW_ANGLES, ROW_LENGTHS, origin_placement, row_placement
 from modelgen.spec.arms.sensors import draft_sensors
 from modelgen.spec.arms.tables import BASE, SYMBOLIC
-from modelgen.spec.number_expression import exact_number
 
 GRAVITY = (0, 0, -9.81)
 #: Name of the parameter set that the inertials of a URDF make.

@@ -7,8 +7,8 @@ import re
 from fractions import Fraction
 
 from modelgen.magnitudes import REMEDY, is_usable
+from modelgen.number_expression import LONGEST, Misread, exact_number
 from modelgen.spec.arms.arm import Length
-from modelgen.spec.number_expression import LONGEST, Misread, exact_number
 from modelgen.spec.words import identifier_problem, shown
 
 EXAMPLE = 'for example 0.4318 (m), "431.8/1000", "L2" or "-L2/2"'

@@ -10,9 +10,9 @@ from typing import Any
 
 from modelgen.documents import Document
 from modelgen.magnitudes import REMEDY, is_usable
+from modelgen.number_expression import PI, Misread, exact_number
 from modelgen.spec.arms.angles import read_angle
 from modelgen.spec.arms.arm import JointKind
-from modelgen.spec.number_expression import PI, Misread, exact_number
 from modelgen.spec.words import shown
 
 _RATES = {"speed_limit": "s", "acceleration_limit": "s^2"}

@@ -13,11 +13,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
+from modelgen.number_expression import Misread, exact_number
 from modelgen.spec.arms.angles import read_angle
 from modelgen.spec.arms.arm import ArmMeasures, Friction, JointKind
 from modelgen.spec.arms.lengths import read_length
 from modelgen.spec.arms.parameters import DRIVE_PREFIXES
-from modelgen.spec.number_expression import Misread, exact_number
 from modelgen.spec.table_checks import (
     FileForm,
     Name,

@@ -137,6 +137,17 @@ def test_without_needed_keys_the_mapping_decides(tmp_path: Path) -> None:
     assert list(record.signals) == ["F"]
 
 
+def test_a_factor_may_be_written_as_it_is_thought(tmp_path: Path) -> None:
+    counts = read_record(file(tmp_path, TABLE), scales={"q_m": "2*pi/4096"}).signals["q_m"]
+    plain = read_record(file(tmp_path, TABLE)).signals["q_m"]
+    np.testing.assert_allclose(counts, 2.0 * np.pi / 4096.0 * plain, rtol=1e-15)
+    with pytest.raises(DataError, match=r"scale of q_m: is '2\^12', which cannot be read .*write a power"):
+        read_record(file(tmp_path, TABLE), scales={"q_m": "2^12"})
+    with pytest.raises(DataError, match="scale of q_m: is inf; give a magnitude"):
+        read_record(file(tmp_path, TABLE), scales={"q_m": "1e999"})
+    assert parse_scales(["q_m=2*pi/4096", "F=gtau"]) == {"q_m": 2.0 * np.pi / 4096.0, "F": "gtau"}
+
+
 def test_every_absent_name_is_reported_at_once(tmp_path: Path) -> None:
     with pytest.raises(DataError) as caught:
         read_record(

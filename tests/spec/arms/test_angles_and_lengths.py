@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from modelgen.number_expression import Misread
 from modelgen.spec.arms.angles import RIGHT_ANGLE_RAD, angle_of, nearly_right, read_angle
 from modelgen.spec.arms.arm import Length
 from modelgen.spec.arms.lengths import read_length
-from modelgen.spec.number_expression import Misread
 
 
 @given(st.fractions(-1000, 1000, max_denominator=10**9))

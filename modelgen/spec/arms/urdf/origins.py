@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 
+from modelgen.number_expression import PI
 from modelgen.spec.arms.angles import RIGHT_ANGLE_RAD, angle_of
 from modelgen.spec.arms.arm import Length, Step, Turn
 from modelgen.spec.arms.placements import X, Y, Z, inverse, origin_placement, simplified
 from modelgen.spec.arms.urdf.attributes import Attributes, without_dust
 from modelgen.spec.arms.urdf.xml_tree import Element
-from modelgen.spec.number_expression import PI
 
 _NONE = (Fraction(0),) * 3
 MOST_RADIANS = 1000  # a few turns are odd, hundreds are another unit

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from modelgen.spec.number_expression import DEEPEST, LONGEST, PI, Misread, exact_number
+from modelgen.number_expression import DEEPEST, LONGEST, PI, Misread, exact_number
 
 NUMBERS = st.sampled_from(["1", "20", "0.01", ".5", "2.", "1e-3", "25.4E+0", "pi", "π"])
 
