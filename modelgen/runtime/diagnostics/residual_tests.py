@@ -16,13 +16,16 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.lagged_noise import LaggedNoise, lagged_noise
 from modelgen.runtime.diagnostics.residual_whiteness import coloured, opened_bound, whiteness
+from modelgen.runtime.diagnostics.row_noise import rounded_motion, row_noise
 from modelgen.runtime.diagnostics.thresholds import (
     CONFIDENCE,
     INPUT_LAGS,
+    LARGEST_NOISE,
     LEAST_EXPLAINED,
     LEAST_REPEATED,
     LEFT_OF_NOISE,
     MOST_SAMPLES,
+    MOSTLY_ROUNDED,
     SMALLEST_ERROR,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
@@ -117,6 +120,8 @@ def residual_tests(
         white, bound = whiteness(colour, len(fit.blocks)) if colour else (None, None)
         if colour and bound and white and white > bound and block.opening is not None:
             bound = opened_bound(colour, block.opening, run.part, bound)
+        if white and bound and white > bound and _is_rounding(model, record, choice, fit, index):
+            white, bound = None, None
         correlation = None
         if colour:
             lags = min(INPUT_LAGS, len(run.residual) // 4)
@@ -131,6 +136,15 @@ def residual_tests(
             repeated = repeated_share(series, block.grid, period_s[record.name] / step_s)
         found.append(ResidualTest(block.record_name, block.row_name, white, bound, correlation, repeated))
     return tuple(found)
+
+
+def _is_rounding(model: Model, record: Record, choice: FilterChoice, fit: Fit, index: int) -> bool:
+    """Return whether what a row leaves is what encoders round: of slow motion lines and bursts."""
+    block, x = fit.blocks[index], fit.all_parameters(model.base_parameters)
+    at, moved = choice.decimation[block.record], rounded_motion(fit, block.record, record, choice)
+    white = row_noise(model, record, choice, at, block.row, x)
+    rounded = row_noise(model, record, choice, at, block.row, x, moved)
+    return rounded > MOSTLY_ROUNDED * white and fit.rms(index) < LARGEST_NOISE * rounded
 
 
 def _on_the_grid(fit: Fit, index: int) -> Iterator[FloatArray]:

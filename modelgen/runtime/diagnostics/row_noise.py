@@ -22,6 +22,7 @@ from modelgen.runtime.diagnostics.thresholds import (
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import noise_band
+from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
@@ -65,6 +66,26 @@ def row_noise(
         else:
             total += float(np.sum(density * ways.spectrum(key, band.frequency_hz) * band.power))
     return sqrt(max(total, 0.0))
+
+
+def rounded_motion(fit: Fit, index: int, record: Record, choice: FilterChoice) -> Record:
+    """Return the motion that encoders round in a record: that of the simulation, or what a low-pass leaves.
+
+    What rounding does in slow motion are lines, of which the floor, a median, is a part.
+    """
+    if fit.simulated and index in fit.simulated:
+        return fit.simulated[index]
+
+    def smoothed() -> Record:
+        order, cutoff_hz = choice.filter_order, choice.cutoff_hz
+        signals = dict(record.signals)
+        for key in signals:
+            if record.facts.rounding(key) > 0.0:
+                signals[key] = zero_phase(signals[key], order, cutoff_hz, record.fs)
+        return Record(signals, record.fs, record.name)
+
+    short = record.n <= 3 * choice.filter_order or record.n > LONGEST_ROUNDED
+    return record if short else record.facts.kept(("smoothed", choice), smoothed)
 
 
 def _as_rounded(

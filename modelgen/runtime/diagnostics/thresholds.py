@@ -56,6 +56,8 @@ WITHIN_INTERVAL = 0.05
 LARGEST_NOISE = 1.5
 # Friction in vibration counts where it is so many times what the model, beyond noise, leaves of its rows.
 FRICTION_OVER_REST = 3.0
+# Where what encoders round is so many times the white floors in a row, it has a colour of its own.
+MOSTLY_ROUNDED = 1.2
 # Derivatives with less signal than this above their noise bias least squares visibly.
 LEAST_SNR_DB = 20.0
 
