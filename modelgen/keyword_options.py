@@ -57,6 +57,18 @@ def check_named_values(where: str, values: object) -> None:
         raise DataError.at(where, f"is of the type {type(values).__name__}", remedy)
 
 
+def refuse_other(name: str, value: object, kind: type, module: str = "modelgen") -> None:
+    """Refuse a value that is neither absent nor of this class, which is found in a module.
+
+    Raises
+    ------
+    DataError
+    """
+    if value is not None and not isinstance(value, kind):
+        remedy = f"give a {module}.{kind.__name__}"
+        raise DataError.at(name, f"is of the type {type(value).__name__}", remedy)
+
+
 def check_seed(seed: object) -> None:
     """Refuse what is no seed of random numbers.
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 from types import ModuleType
 
+from modelgen.keyword_options import refuse_other
 from modelgen.progress import heard, step
 from modelgen.runtime.diagnostics.friction_asymmetry import asymmetry_notes
 from modelgen.runtime.identification.assemble_estimate import Solved, judge
@@ -16,7 +17,6 @@ from modelgen.runtime.identification.options import (
     CheckOptions,
     Filters,
     chosen_method,
-    refuse_other,
     with_short_forms,
 )
 from modelgen.runtime.identification.refusals import late_refusals

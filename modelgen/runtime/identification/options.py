@@ -8,7 +8,7 @@ from numbers import Integral
 from typing import Any
 
 from modelgen.errors import DataError, Problem
-from modelgen.keyword_options import texts_of
+from modelgen.keyword_options import refuse_other, texts_of
 from modelgen.runtime.identification.memory_limit import limit_problems
 from modelgen.runtime.identification.methods import METHODS, Method
 from modelgen.runtime.identification.robust_and_bounded import treatment_problems
@@ -162,13 +162,6 @@ def with_short_forms(filters: Filters | None, cutoff_hz: float | None, decimatio
             what = "is given in filters as well"
             raise DataError(*(Problem(name, what, "give it once") for name in twice))
     return replace(filters or Filters(), **short)
-
-
-def refuse_other(name: str, value: Any, kind: type) -> None:
-    """Raise DataError for a value that is neither absent nor of this class."""
-    if value is not None and not isinstance(value, kind):
-        what, remedy = f"is of the type {type(value).__name__}", f"give a modelgen.{kind.__name__}"
-        raise DataError.at(name, what, remedy)
 
 
 def option_problems(method: Method, filters: Filters, checks: CheckOptions) -> list[Problem]:

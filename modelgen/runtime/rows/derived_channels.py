@@ -67,7 +67,8 @@ def as_records(records: Record | Channels | Sequence[Record | Channels]) -> tupl
         raise DataError.at("records", "there are none", "give at least one Record")
     strange = [one for one in several if not isinstance(one, Record) and not _is_channels(one)]
     if strange:
-        problems = [Problem("records", f"hold a {type(one).__name__}", "give Records") for one in strange]
+        remedy = "give Records; modelgen.read_record makes one of a file"
+        problems = [Problem("records", f"hold a {type(one).__name__}", remedy) for one in strange]
         raise DataError(*problems)
     return tuple(one if isinstance(one, Record) else Record.over(one) for one in several)
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
-from modelgen.keyword_options import with_defaults
+from modelgen.keyword_options import refuse_other, with_defaults
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, default_controller
@@ -149,6 +149,7 @@ def simulate(
     )
     if model.is_arm:
         raise DataError.at(model.chain, "is an arm", "use modelgen.simulate_arm")
+    _refuse_other_kinds(excitation, given)
     plant = make_plant(model, parameters, given["actuator"])
     settings = _settings(plant, given)
     if isinstance(excitation, str):
@@ -174,6 +175,14 @@ def simulate(
     record = Record(measured, settings.fs, excitation.name, excitation.name)
     changes = tuple(_mode_change(plant, event) for event in motion.events)
     return Simulation(record, MappingProxyType(true), excitation, changes, settings)
+
+
+def _refuse_other_kinds(excitation: str | Excitation, given: SimulationOptions) -> None:
+    own = None if isinstance(excitation, str) else excitation
+    refuse_other("excitation", own, Excitation, Excitation.__module__)
+    controller = PositionVelocityController
+    refuse_other("controller", given["controller"], controller, controller.__module__)
+    refuse_other("drive", given["drive"], Drive, Drive.__module__)
 
 
 def _settings(plant: Plant, given: SimulationOptions) -> Settings:

@@ -244,6 +244,15 @@ def test_the_settings_say_how_it_was_made() -> None:
     ("options", "message"),
     [
         ({"excitation": "sine"}, "excitation: there is no kind 'sine'"),
+        (
+            {"excitation": [0.0, 1.0]},
+            "excitation: is of the type list; give a modelgen.runtime.",
+        ),
+        (
+            {"controller": {"kp": 1.0}},
+            "controller: is of the type dict; give a modelgen.runtime.",
+        ),
+        ({"drive": 1000.0}, "drive: is of the type float; give a modelgen.runtime.simulation.drive.Drive"),
         ({"noise": {"q_x": 1.0}}, "noise: has no channel q_x"),
         ({"resolution": {"q_m": -1.0}}, "resolution: q_m: is -1.0; give zero or a positive number"),
         ({"actuator": "Gamma_c"}, "actuator: there is no 'Gamma_c'; choose one of Gamma_m"),
