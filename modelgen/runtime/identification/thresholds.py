@@ -87,6 +87,7 @@ INEXACT = {
     "mass": 0.05,
     "resonance": 0.02,
     "creep": 0.02,
+    "structural damping": 0.2,
     "ripple": 0.05,
     "saturation": 0.02,
     "direction": 0.05,

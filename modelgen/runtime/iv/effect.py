@@ -29,8 +29,8 @@ AT_REVERSALS = (DIRECTION, REVERSAL)
 FORCES = ("constant", "force")
 # Kind of a force that is periodic in a position.
 RIPPLE = "ripple"
-# Kind of a link that is stiffer in fast motion.
-CREEP = "creep"
+# Kinds of a link that is stiffer in fast motion: from one frequency on, or the faster it moves.
+CREEP, STRUCTURAL = "creep", "structural damping"
 # Kinds of low-passes that a channel has gone through and the others have not; one of two poles has its delay
 # in it, which the others leave to an effect of its own.
 TWO_POLES = "two poles"
@@ -52,7 +52,7 @@ class Effect:
     kind : str
         "delay", "direction", "reversal" (friction there), "lag", "average", "two poles", "clock", "gain",
         "zero", "constant", "force", "form" (one of many, of friction or of a link), "drift", "mass",
-        "resonance", "creep" or "ripple":
+        "resonance", "creep", "structural damping" or "ripple":
         how its size is said, and how exactly it is known.
     words, negative : str
         What is said of it where its size is positive, and negative; empty where that cannot be.
@@ -194,6 +194,8 @@ class Effect:
             return f"{words} (amplitude {shown:.3g})"
         if self.kind == CREEP:
             return f"{words} (by {shown:.3g})"
+        if self.kind == STRUCTURAL:
+            return f"{words} (by {shown:.3g} a decade)"
         if self.kind == "drift":
             by = f"{100.0 * shown:.2g} %" if self.relative else f"{shown:.3g}"
             what, *meaning = words.split(": ", 1)

@@ -191,6 +191,9 @@ FEWEST_PERIODS, MOST_PERIODS, RIPPLES_TRIED, LONGEST_PHASE = 0.5, 4096.0, 2, 1.0
 # A link that creeps is looked for from this share of the dynamics' frequency to the cut-off, each frequency
 # so many times the one before: its response is wide.
 CREEPS_FROM, CREEPS_GRID = 0.05, 2.0
+# A residual is tested for it at frequencies so many times the one before. A link that creeps at all
+# frequencies does so up to so many times the cut-off; its tilt takes steps of so much, to this at most.
+CREEPS_TESTED, CREEPS_UP_TO, LONGEST_TILT, STEEPEST = 4.0, 3.0, 0.3, 1.0
 # A shape is estimated where least squares leave less than this share of the rows with it; steps are taken
 # where they leave less than that share at the first.
 CLEARLY_LEFT, SEEN_AT_ALL = 0.9, 0.98

@@ -21,7 +21,7 @@ from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.low_pass import lag_for_delay
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.score_tests import Score, Span, moves_within, scores, stacked
-from modelgen.runtime.iv.shapes.creep import creeping_links
+from modelgen.runtime.iv.shapes.creep import creep_effects, creeping_links
 from modelgen.runtime.iv.shapes.mass_search import further_masses
 from modelgen.runtime.iv.shapes.ripple_search import ripples
 from modelgen.runtime.iv.shapes.shape_search import ShapeRows
@@ -78,6 +78,8 @@ def look(
     known_late = [channel for channel, _, _ in now.fit.delays]
     late = [channel for channel in job.late if channel not in known_late]
     every = effects_of(job.model, simulated[0].plant.bodies, job.records, late, now.fit.turning)
+    if not job.model.cubic_springs:
+        every = (*every, *creep_effects(job.model, job.records, now.setting.choice))
     tested = [one for one in unlike(every, known) if not kinds or one.kind in kinds]
     others = now.others or tuple(job.rates(now.fit, tuple(now.setting.records), channel)
                                  for channel, _, _ in now.fit.delays)  # fmt: skip

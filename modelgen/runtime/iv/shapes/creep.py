@@ -2,7 +2,8 @@
 
 Its force is k s / (s + w) times the deflection (Maxwell's element; with the link's own spring that of Zener):
 slow motion feels the spring that the spec names, fast motion one that is k stiffer, and what lies between a
-damping that is no D. k is the size, w = 2 pi f the shape.
+damping that is no D. k is the size, w = 2 pi f the shape. Most materials have such elements of all
+frequencies, and lose about the same share of their energy in every cycle, fast or slow (structural damping).
 """
 
 from __future__ import annotations
@@ -12,14 +13,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from modelgen.array_types import ComplexArray
+from modelgen.array_types import ComplexArray, FloatArray
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.iv.chain_errors import deflection
 from modelgen.runtime.iv.companion_simulation import Simulated
-from modelgen.runtime.iv.effect import CREEP, Changes, Effect
+from modelgen.runtime.iv.effect import CREEP, STRUCTURAL, Changes, Effect
 from modelgen.runtime.iv.pushed_chain import pushed_link
 from modelgen.runtime.iv.shapes.further_mass import Response, through
 from modelgen.runtime.iv.shapes.shape_search import ShapeRows, grid_hz
-from modelgen.runtime.iv.thresholds import CREEPS_FROM, CREEPS_GRID, LONGEST_STEPS
+from modelgen.runtime.iv.thresholds import (
+    CREEPS_FROM,
+    CREEPS_GRID,
+    CREEPS_TESTED,
+    CREEPS_UP_TO,
+    FEWEST_PERIODS,
+    LONGEST_STEPS,
+    LONGEST_TILT,
+    STEEPEST,
+)
+from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
 
 # The frequency.
 NUMBERS = 1
@@ -72,6 +85,54 @@ def creep(stiffness: str, hz: float, slowest_hz: float = 0.0) -> Effect:
     remedy = f"take {stiffness} for slow motion only, or excite the band that matters"
     effect = _part(f"creep of {stiffness}", stiffness, passed)
     return replace(effect, words=words, remedy=remedy, shape=shape, moved=moved)
+
+
+def spread_creep(stiffness: str, low_hz: float, high_hz: float, tilt: float = 0.0) -> Effect:
+    """Return that a link creeps at all frequencies of a band, and is damped by about as much at each.
+
+    By Maxwell's elements, two a decade, those of a frequency f (f / f0)^tilt times as stiff as those of f0 in
+    the middle of the band. A size is by how much stiffer the link is a decade further on, there.
+    """
+    count = 1 + max(1, round(2.0 * float(np.log10(high_hz / low_hz))))
+    elements, middle = np.geomspace(low_hz, high_hz, count), float(np.sqrt(low_hz * high_hz))
+    share = 0.5 * (elements / middle) ** tilt
+    bend = share * np.log(elements / middle)
+
+    def response(weights: FloatArray) -> Response:
+        return lambda f: np.asarray(sum(w * f / (f + hz) for w, hz in zip(weights, elements, strict=True)))
+
+    def shape(records: int) -> tuple[Effect, ...]:
+        return (_part(f"tilt of creep of {stiffness}", stiffness, response(bend)),)
+
+    def moved(size: float, steps: Sequence[float]) -> Effect:
+        step = float(np.clip(steps[0] / size, -LONGEST_TILT, LONGEST_TILT)) if size else 0.0
+        return spread_creep(stiffness, low_hz, high_hz, float(np.clip(tilt + step, -STEEPEST, STEEPEST)))
+
+    words = (
+        f"the link of {stiffness} is damped by about as much at all frequencies, as rubber, belts and gears "
+        f"are: {stiffness} is that of motion below some {low_hz:.2g} Hz, and the link is stiffer the faster "
+        "it moves"
+    )
+    remedy = f"take {stiffness} for slow motion only, or excite the band that matters"
+    effect = _part(f"damping of {stiffness} at all frequencies", stiffness, response(share))
+    # where it begins is known to a decade
+    return replace(effect, kind=STRUCTURAL, words=words, remedy=remedy, shape=shape, moved=moved,
+                   varies=((stiffness, float(2.0 * share[0])),))  # fmt: skip
+
+
+def creep_effects(model: Model, records: Sequence[Record], choice: FilterChoice) -> Iterator[Effect]:
+    """Yield that links creep, each at several settings of a frequency, or at all frequencies.
+
+    Either is told from the other, and from what else explains the residual, by fits with its shape estimated.
+    """
+    slowest = FEWEST_PERIODS / max(record.duration_s for record in records)
+    low, high = CREEPS_FROM * (choice.dynamics_hz or choice.cutoff_hz), choice.cutoff_hz
+    for name, role in model.roles.items():
+        if role.role == "stiffness":
+            spread = spread_creep(name, slowest, CREEPS_UP_TO * high)
+            yield replace(spread, forms=(creep(name, float(np.sqrt(low * high)), slowest),))
+            for hz in grid_hz(low, high, CREEPS_TESTED):
+                yield replace(creep(name, hz, slowest), forms=(spread,))
 
 
 def _part(name: str, stiffness: str, response: Response) -> Effect:
