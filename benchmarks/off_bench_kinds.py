@@ -297,6 +297,13 @@ def _physics() -> Iterator[Kind]:
         change=lambda m: replace(m, cubic=200.0),
         named=("stiffen", "cubic", "deflection"),
     )
+    yield Kind("a belt that creeps", change=lambda m: replace(m, creep=0.03), named=("creep", "damped"))
+    yield Kind(
+        "a belt that creeps, drive",
+        "drive",
+        change=lambda m: replace(m, creep=0.02),
+        named=("creep", "damped"),
+    )
     yield Kind(
         "Stribeck friction",
         change=lambda m: replace(m, stribeck=0.5, stribeck_speed=5.0),

@@ -17,6 +17,8 @@ FloatArray = NDArray[np.float64]
 # Steps a sample: leapfrog takes a stiffness for (w h)^2 / 12 larger than it is, w its frequency: 8e-7, 5 kHz.
 FINE = 64
 SWEEPS = 3
+# Of rubber, belts and gears: Maxwell's elements beside the spring.
+CREEPS_HZ = np.array([0.5, 5.0, 50.0])
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,7 @@ class Machine:
     quadratic: float = 0.0  # force per squared speed, motor
     asymmetry: float = 0.0  # Coulomb friction of the motor, forward over mean minus 1
     ripple: float = 0.0  # force over Coulomb friction, 12 periods a turn
+    creep: float = 0.0  # share of the first link's stiffness that creeps at each of `CREEPS_HZ`
     bristle: float = 0.0  # stiffness of presliding over Coulomb friction, 1 / rad (Dahl 1968)
 
     @property
@@ -107,8 +110,8 @@ def run(machine: Machine, command: Command, step: float, loop: LoopOptions, samp
     noise = loop.noise if loop.noise.size else np.zeros(samples + 2)
     numbers = np.array(
         [machine.offset, machine.backlash, machine.cubic, machine.stribeck, machine.stribeck_speed,
-         machine.quadratic, machine.asymmetry, machine.ripple, machine.bristle, loop.lag_s, float(loop.held),
-         *gains, machine.referred]
+         machine.quadratic, machine.asymmetry, machine.ripple, machine.bristle, machine.creep,
+         loop.lag_s, float(loop.held), *gains, machine.referred]
     )  # fmt: skip
     m = len(machine.first)
     q, v, a, force, wanted = _run(
@@ -122,8 +125,8 @@ def run(machine: Machine, command: Command, step: float, loop: LoopOptions, samp
 
 @njit(cache=True)
 def _run(J, Fv, Fs, first, second, K, D, ratio, numbers, rq, rv, ra, inject, noise, h):  # type: ignore[no-untyped-def]  # pragma: no cover
-    offset, backlash, cubic, stribeck, v_s, quadratic, asymmetry, ripple, bristle, lag, held = numbers[:11]
-    kp, kd, total = numbers[11:]
+    offset, backlash, cubic, stribeck, v_s, quadratic, asymmetry, ripple, bristle, creep = numbers[:10]
+    lag, held, kp, kd, total = numbers[10:]
     n, m, steps = J.size, K.size, rq.size
     rows = np.zeros((m, n))
     for k in range(m):
@@ -140,7 +143,7 @@ def _run(J, Fv, Fs, first, second, K, D, ratio, numbers, rq, rv, ra, inject, noi
     U, C = np.zeros(steps), np.zeros(steps)
     q[:] = 0.0
     v[:] = 0.0
-    u, command, z = 0.0, 0.0, 0.0
+    u, command, z, crept = 0.0, 0.0, 0.0, np.zeros(CREEPS_HZ.size)
     for i in range(steps):
         sample = i // FINE
         if held == 0.0 or i % FINE == 0:
@@ -159,6 +162,9 @@ def _run(J, Fv, Fs, first, second, K, D, ratio, numbers, rq, rv, ra, inject, noi
                     else (d + 0.5 * backlash if d < -0.5 * backlash else 0.0)
                 )
                 f = K[k] * d * (1.0 + cubic * d * d)
+                if creep > 0.0:
+                    crept += 2.0 * np.pi * h * CREEPS_HZ * (d - crept)
+                    f += creep * K[k] * np.sum(d - crept)
             else:
                 f = K[k] * d
             F -= f * rows[k]
