@@ -75,9 +75,9 @@ SEARCH_STEPS = 20
 # What an effect moves is known to this share, by kind: channels are set right by a low-pass of first order,
 # a held force has images beyond half the sampling frequency that fold back into the positions (0.4 (pi f /
 # fs)^2 of what the average does), what acts on the chain is worked out in first order and has one form of
-# many (what creeps at all frequencies, of so many that a machine's own is known to a third: those with three
-# elements came out to 0.05 to 0.25); noise of the reading blurs the limit of a drive; friction about reversals is not known where rows are
-# as inexact. What explains less than the last share of the residual that it leaves may be of that order.
+# many (of what creeps at all frequencies links with three elements came out to 0.05 to 0.25); noise of the
+# reading blurs the limit of a drive; friction about reversals is not known where rows are as inexact. What
+# explains less than the last share of the residual that it leaves may be of that order.
 INEXACT = {
     "lag": 0.002,
     "two poles": 0.002,
