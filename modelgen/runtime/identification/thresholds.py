@@ -187,7 +187,7 @@ MOST_DEFLECTED = 30.0
 # which starts are compared, the first of them that hold springs and dampers and as many more that hold
 # dampers, most steps, and the last step's size in units of the residual's norm, or of the rows' where there
 # is no noise; the least cosine between steps that go one way, how far ratios of a series differ, and its
-# longest sum in units of its first; the largest angle in rad by which damping may delay a deflection.
+# longest sum in units of its first.
 DEFLECTIONS = (0.3, 0.1, 0.03, 0.01, 0.002)
 SETTLING_STEPS = 5
 HELD_STEPS = 2
@@ -216,7 +216,9 @@ UNSEEN = 1e-10
 # Where forces are open a step is halved if rows are then less likely by more than this, a logarithm; steps of
 # less than this share end it.
 AS_LIKELY, SHORTEST_STEP = 3.0, 0.05
-LONGEST_LAG = 0.5
+# By how many times the spring's part a damper's may be at the fastest motion of any joint (a soft joint may be
+# damped little, and another one move at ten times its mode), and that of a damper that pushes, by noise alone.
+LONGEST_LAG, FURTHEST_AHEAD = 3.0, 0.5
 
 # The share of a record that every row of an arm is to keep where instruments leave turns out, at least. With
 # half of it and gaps intervals are a fifth too narrow in simulations, which is less harm than turns that stay

@@ -26,7 +26,6 @@ class Kernel:
     """One that never refuses a point."""
 
     giving = ()
-    lag = 0.0
     speeds: tuple[str, ...] = ()
     motors_alone = False
 

@@ -16,6 +16,7 @@ from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import run_wls
 from modelgen.runtime.identification.thresholds import (
     AS_LIKELY,
+    FURTHEST_AHEAD,
     LARGEST_PERCENT,
     LONGEST_LAG,
     MOST_DEFLECTED,
@@ -98,11 +99,12 @@ def _opened(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Fit | None:
 def springs_hold(job: Job, kernel: DeflectedKernel, point: FloatArray) -> bool:
     """Return whether springs of a point, (columns,) in SI, carry links with the motors.
 
-    They deflect by few times the motion, as rows about others hold nothing else, and the series in a damper's
-    lag ends at frequencies of the motion.
+    They deflect by few times the motion, as rows about others hold nothing else, and at the fastest motion of
+    any joint are not much more of a damper, nor of one that pushes.
     """
-    motion_hz = job.choice.dynamics_hz or job.choice.cutoff_hz
-    lags_little = kernel.at(point).lag * 2.0 * np.pi * motion_hz < LONGEST_LAG
+    motion_hz, about = job.choice.dynamics_hz or job.choice.cutoff_hz, kernel.at(point)
+    angles = [2.0 * np.pi * motion_hz * about.spring(row)[1] for row in kernel.giving]
+    lags_little = all(-FURTHEST_AHEAD < angle < LONGEST_LAG for angle in angles)
     return lags_little and most_deflected(kernel, job.records, point) < MOST_DEFLECTED
 
 

@@ -32,8 +32,11 @@ class Kernel:
     giving = (SimpleNamespace(acting=lambda order: (0,) if order == 0 else (), size=FORCE_AND_MOTION),)
     reads_of = READS_OF
     columns = (0,)
-    lag = 0.0
     motors_alone = True
+
+    def spring(self, row: object) -> tuple[float, float]:
+        """It does not lag."""
+        return 1.0, 0.0
 
     def at(self, _: np.ndarray, sampled: bool = False) -> Kernel:
         return self
