@@ -104,7 +104,7 @@ def late_refusals(
     lost = lost_in_noise(fit, *bias) if bias is not None else {}
     arm = model if model is not None and model.is_arm else None
     if arm is not None:
-        lost = untold_springs(fit, arm, drift) | zero_columns(fit, arm, drift, lost) | lost
+        lost = untold_springs(fit, arm, drift, refused) | zero_columns(fit, arm, drift, lost) | lost
     told = {name: why for name, why in lost.items() if name not in refused and name not in keep}
     lost = {**refused, **told}
     if arm is not None and told and all(name in lost for name in fit.columns):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
+
 import numpy as np
 
 from modelgen.array_types import FloatArray
@@ -14,12 +16,15 @@ from modelgen.runtime.model.model import Model
 FASTER = "move faster, towards the modes of the arm, or sense the other side of the spring, too"
 
 
-def untold_springs(fit: Fit, model: Model, drift: FloatArray | float = 0.0) -> dict[str, str]:
+def untold_springs(
+    fit: Fit, model: Model, drift: FloatArray | float = 0.0, refused: Container[str] = ()
+) -> dict[str, str]:
     """Return the stiffnesses that place what no sensor sees and have no interval, with the reason.
 
     Rows tell a compliance: of a stiffness that is known to a fifth, one side of its interval is already half
     again as long as the other, and soon a rigid spring is within it. What its damper does is known
-    no better then. `drift`, in SI, shape (c, c), is what moves the estimate besides, squared.
+    no better then, nor where a stiffness is `refused` already. `drift`, in SI, shape (c, c), is what moves the
+    estimate besides, squared.
     """
     kernel = model.kernel
     if not isinstance(kernel, DeflectedKernel):
@@ -36,6 +41,7 @@ def untold_springs(fit: Fit, model: Model, drift: FloatArray | float = 0.0) -> d
             if off > LARGEST_PERCENT:
                 said = f"standard deviation is {off:.3g} % of its value, too much for rows that bend with it"
                 found[name] = f"its {said} ({LARGEST_PERCENT:g} % at most): {FASTER}"
+            if off > LARGEST_PERCENT or name in refused:
                 beside = [names[column] for column in row.acting(1) if names[column] in percent]
                 found |= dict.fromkeys(beside, f"is not told where {name} is not: {FASTER}")
     return found
