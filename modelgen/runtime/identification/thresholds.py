@@ -216,8 +216,8 @@ UNSEEN = 1e-10
 # Where forces are open a step is halved if rows are then less likely by more than this, a logarithm; steps of
 # less than this share end it.
 AS_LIKELY, SHORTEST_STEP = 3.0, 0.05
-# By how many times the spring's part a damper's may be at the fastest motion of any joint (a soft joint may be
-# damped little, and another one move at ten times its mode), and that of a damper that pushes, by noise alone.
+# By how many times the spring's part a damper's may be at the fastest motion of any joint (a soft one may be
+# damped little, and another move at ten times its mode), and that of a damper that pushes, by noise alone.
 LONGEST_LAG, FURTHEST_AHEAD = 3.0, 0.5
 
 # The share of a record that every row of an arm is to keep where instruments leave turns out, at least. With

@@ -23,8 +23,8 @@ def untold_springs(
 
     Rows tell a compliance: of a stiffness that is known to a fifth, one side of its interval is already half
     again as long as the other, and soon a rigid spring is within it. What its damper does is known
-    no better then, nor where a stiffness is `refused` already. `drift`, in SI, shape (c, c), is what moves the
-    estimate besides, squared.
+    no better then, nor where a stiffness is `refused` already. `drift`, in SI, shape (c, c), is what moves
+    the estimate besides, squared.
     """
     kernel = model.kernel
     if not isinstance(kernel, DeflectedKernel):
