@@ -23,6 +23,7 @@ from modelgen.runtime.iv.thresholds import (
     LEAST_EXPLAINED,
     LEAST_MOVE,
     LEAST_MOVED_SHARE,
+    LEAST_OWN_DELAY,
     LEAST_OWN_SHARE,
     LEVEL,
 )
@@ -94,9 +95,9 @@ def scores(
     """
     if not effects:
         return ()
-    fit, slope, r = span.fit, span.slope, span.left
-    told = span.compared(grown, r)
-    apart = told.power > least_own * told.whole
+    fit, slope, r, told = span.fit, span.slope, span.left, span.compared(grown, span.left)
+    late = np.array([effect.kind == "delay" for effect in effects])
+    apart = told.power > np.where(late, min(least_own, LEAST_OWN_DELAY), least_own) * told.whole
     # a force may be friction to all records but one, and have taken the weight of that
     forces = [effect.kind in FORCES for effect in effects]
     tried = zip(apart.tolist(), forces, grown, strict=True)
@@ -108,10 +109,9 @@ def scores(
     for place in seen.tolist():
         power, whole = float(told.power[place]), float(told.whole[place])
         size = float(told.along[place]) / power
-        explained = size**2 * power / every
-        move = -told.share[:, place] * size
+        explained, move = size**2 * power / every, -told.share[:, place] * size
         move = move if slope is None else slope @ move
-        most = np.maximum(np.abs(move), effects[place].varied(fit.columns, fit.solution.x, size))
+        most = np.maximum(abs(move), effects[place].varied(fit.columns, fit.solution.x, size))
         large = explained > LEAST_EXPLAINED or bool(np.any(most > LEAST_MOVE * spread))
         # sampling and filters are not exact beyond that
         large = large and bool(np.any(most > LEAST_MOVED_SHARE * np.abs(fit.solution.x)))

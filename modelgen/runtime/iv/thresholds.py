@@ -123,6 +123,9 @@ AT_REST = 1e-3
 
 # An effect with less than this share of itself outside of the regressors cannot be told from them.
 LEAST_OWN_SHARE = 1e-3
+# A late sensor is viscous friction of both bodies at its link but for what the delay does to accelerations;
+# filters and derivatives are exact to 1e-5, which is a share of 1e-10.
+LEAST_OWN_DELAY = 1e-5
 # Below this share a difference of sums of squares has lost digits, and the part outside is worked out itself.
 CANCELLED = 1e-6
 # An effect of which no more than this share lies outside of the columns is hardly told from them.

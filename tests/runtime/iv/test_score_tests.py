@@ -163,3 +163,16 @@ def test_what_a_column_is_but_for_rounding_in_another_row_is_no_effect() -> None
     Y = [rows @ TRUTH + 1e-3 * rng.standard_normal(N) for rows in (W, none)]
     fit = fit_matched(Observation(COLUMNS, (block(W, Y[0], row=0), block(none, Y[1], row=1))))
     assert scores(Span(fit), [effect("push")], [[np.ones(N), push]]) == ()
+
+
+def test_a_late_sensor_is_seen_although_friction_is_nearly_the_same() -> None:
+    # an encoder late by a fiftieth of a sample is viscous friction of both its bodies, but for accelerations
+    rng = np.random.default_rng(5)
+    W, apart = rng.standard_normal((N, 3)), rng.standard_normal(N)
+    grown = W[:, 0] - W[:, 2] + 0.01 * apart
+    fit = fit_matched(Observation(COLUMNS, (block(W, W @ TRUTH + grown + 1e-3 * rng.standard_normal(N)),)))
+    late = replace(effect("late"), kind="delay")
+    (found,) = scores(Span(fit), [effect("push"), late], [[grown], [grown]])
+    assert found.effect is late
+    assert found.matters
+    assert found.size == pytest.approx(1.0, rel=0.1)
