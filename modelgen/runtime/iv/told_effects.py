@@ -10,6 +10,8 @@ import numpy as np
 from modelgen.runtime.advice import ROWS_OWN, Advice
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import AT_REVERSALS, Effect
+from modelgen.runtime.iv.score_tests import Score
+from modelgen.runtime.iv.thresholds import AS_GOOD
 from modelgen.runtime.records.record import Record
 
 # What is done about an effect, in words.
@@ -31,6 +33,17 @@ def estimated(effect: Effect, size: float, others: Sequence[tuple[Effect, float]
 def left(effect: Effect, size: float, others: Sequence[tuple[Effect, float]]) -> Advice:
     """Return what is said of an effect that is not estimated, but held by the intervals."""
     return _told(effect, size, HELD, others)
+
+
+def left_of(best: Score, shown: Sequence[Score]) -> Advice:
+    """Return what is said of an effect that the intervals hold, and of others that explain nearly as much."""
+    per_share = (best.size / best.std) ** 2 / best.explained
+    others = [
+        (one.effect, one.size)
+        for one in shown
+        if one.effect is not best.effect and per_share * (best.explained - one.explained) < AS_GOOD
+    ]
+    return left(best.effect, best.size, others)
 
 
 def held_instead(told: Sequence[Advice], kept: Mapping[Effect, float]) -> tuple[Advice, ...]:

@@ -23,7 +23,7 @@ from modelgen.runtime.identification.explanation.look_at_residual import (
     varied,
 )
 from modelgen.runtime.identification.explanation.other_weights import other_weights
-from modelgen.runtime.identification.explanation.search import Search, left_of
+from modelgen.runtime.identification.explanation.search import Search
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import KNOWN_INSTANT, MOST_TRIED
 from modelgen.runtime.iv.effect import DIRECTION, FORCES, Effect
@@ -32,7 +32,7 @@ from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.other_explanations import Looked, other_explanations
 from modelgen.runtime.iv.score_tests import Score, slope_of
 from modelgen.runtime.iv.thresholds import LITTLE_OWN
-from modelgen.runtime.iv.told_effects import estimated, late_or_lagging, summed
+from modelgen.runtime.iv.told_effects import estimated, late_or_lagging, left_of, summed
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.rows.given_directions import brings_directions

@@ -38,8 +38,8 @@ from modelgen.runtime.iv.effect import AT_REVERSALS, LATE, LOW_PASSES, RIPPLE, E
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.iv.shapes.shaped_effects import fit_in_shape
-from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS, LEVEL
-from modelgen.runtime.iv.told_effects import below_noise, left
+from modelgen.runtime.iv.thresholds import AS_LIKELY, EFFECT_ROUNDS, LEVEL, LITTLE_OWN
+from modelgen.runtime.iv.told_effects import below_noise, left_of
 from modelgen.runtime.numerics.tails import normal_beyond
 
 
@@ -111,11 +111,21 @@ class Search:
             return replace(self._holding(likely[0]), held=likely[0]) if likely else replace(self, ended=True)
         if not tried and _of_the_same(shown[0], self.effects):
             return self._holding(shown[0])
-        tried += [one for one in self._tried(shown) if self._leads_on(*one[1:])] if room else []
+        solved = [*self._tried(shown)] if room else []
+        tried += [one for one in solved if self._leads_on(*one[1:])]
         if not tried:
-            quiet = self._small(shown[0].effect, shown[0].size, seen)
-            return self._holding(shown[0], *(() if quiet else (left_of(shown[0], shown),)))
+            best = self._as_solved(shown[0], solved)
+            quiet = self._small(best.effect, best.size, seen)
+            return self._holding(best, *(() if quiet else (left_of(best, shown),)))
         return self._with(tried)
+
+    def _as_solved(self, score: Score, solved: Sequence[tuple[Effect, tuple[Effect, ...], Freed]]) -> Score:
+        """Return the score of what is nearly a column, where a tangent leads far, as a fit with it says."""
+        for effect, _, freed in solved:
+            if effect is score.effect and score.size and score.own < LITTLE_OWN:
+                size, move = freed.sizes[-1], freed.fit.solution.x - self.now.fit.solution.x
+                return replace(score, size=size, std=abs(size / score.size) * score.std, move=move)
+        return score
 
     def _leads_on(self, effects: Sequence[Effect], freed: Freed) -> bool:
         """Tell whether effects are new together, and leave no more a sample than those estimated now."""
@@ -277,17 +287,6 @@ class Search:
 
 def _names(effects: Sequence[Effect]) -> frozenset[str]:
     return frozenset(effect.name for effect in effects)
-
-
-def left_of(best: Score, shown: Sequence[Score]) -> Advice:
-    """Return what is said of an effect that the intervals hold, and of others that explain nearly as much."""
-    per_share = (best.size / best.std) ** 2 / best.explained
-    others = [
-        (one.effect, one.size)
-        for one in shown
-        if one is not best and per_share * (best.explained - one.explained) < AS_GOOD
-    ]
-    return left(best.effect, best.size, others)
 
 
 def _of_the_same(score: Score, effects: Sequence[Effect]) -> bool:

@@ -147,6 +147,19 @@ def test_what_is_told_is_certain_over_all_that_was_looked_for() -> None:
     assert search.told(Seen(tested=tuple(EFFECTS.values()))) == [False]
 
 
+@pytest.mark.parametrize(("own", "held"), [(1e-3, 0.25), (0.5, 100.0)])
+def test_what_is_nearly_a_column_is_held_as_a_fit_with_it_says(own: float, held: float) -> None:
+    """A low-pass beside a further mass moved an inertia by 118 % along its tangent, solved again by 0.6 %."""
+    fits = [cast(Any, leaving(misfit, x)) for misfit, x in ((-10.0, 1.0), (-5.0, 1.5))]
+    now, other = (replace(searching(LAG).now, fit=fit, sizes=(2e-6,)) for fit in fits)
+    far = Score(LAG, 1e-3, 1e-6, 0.1, np.full(6, 10.0), own, 1.0, 1e-6, matters=True)
+    known = replace(searching(), now=now)
+    score = known._as_solved(far, [(GAIN, (GAIN,), now), (LAG, (LAG,), other)])
+    assert float(score.move[0]) ** 2 == held
+    assert score.size / score.std == pytest.approx(far.size / far.std)
+    assert known._as_solved(far, [(GAIN, (GAIN,), other)]) is far
+
+
 def test_of_equals_a_delay_is_taken_before_a_clock() -> None:
     clock = EFFECTS["clock of q_c"]
     found = Freed(cast(Any, None), cast(Any, leaving(0.0)), job().setting(), (1e-6,), (1e-9,))
