@@ -14,6 +14,7 @@ from modelgen.runtime.diagnostics.row_noise import hardly_weighed, rounded_motio
 from modelgen.runtime.diagnostics.thresholds import (
     LARGEST_NOISE,
     LEAST_SNR_DB,
+    NEGLIGIBLE,
     NULL_SHARE,
     SIGNIFICANT_MOVE,
     ZERO_LIKELY,
@@ -25,9 +26,7 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.tails import chi_square_tail
 from modelgen.runtime.parameters.bounds import negative_parameters
-from modelgen.runtime.parameters.dependence import Dependence
 from modelgen.runtime.parameters.parameter import Parameter, may_be_zero
-from modelgen.runtime.parameters.thresholds import HIGHEST_INDEX
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import RowBlock
 
@@ -216,7 +215,7 @@ def uncertain_parameters(
     """Return how large the terms of uncertain parameters are, compared with the residual of their rows.
 
     A term below the residual is the sign of a motion that is too slow: nothing stands out above friction and
-    noise, or below the modes.
+    noise, or below the modes. Friction that is zero, and would be felt, is none (of bearings of air).
 
     Parameters
     ----------
@@ -230,9 +229,16 @@ def uncertain_parameters(
         role = model.roles.get(entry.name)
         if role is None or entry.relative_std < percent or entry.name not in fit.columns:
             continue
-        if may_be_zero(entry.name, role.role) and abs(entry.value) <= 1.96 * entry.std:
+        index, zero = fit.columns.index(entry.name), abs(entry.value) <= 1.96 * entry.std
+        if zero and may_be_zero(entry.name, role.role):
             continue
-        index = fit.columns.index(entry.name)
+        if zero and role.role in ("viscous", "coulomb"):
+            row, share = _largest_share(fit, index, abs(entry.value) + 1.96 * entry.std)
+            if share < NEGLIGIBLE:
+                what = f"is zero, to {100.0 * share:.2g} % of what row {row} holds"
+                remedy = f"leave it out of the spec, or hold it at zero (--set {entry.name}=0)"
+                found.append(Advice("negligible", entry.name, what, remedy))
+                continue
         ratios = []
         for number, block in enumerate(fit.blocks):
             term, left = block.column_norm(index) * abs(entry.value), fit.residual_norms[number]
@@ -250,29 +256,13 @@ def uncertain_parameters(
     return tuple(found)
 
 
-def dependence_advice(
-    found: Sequence[Dependence], parameters: Sequence[Parameter], percent: float, refused: Container[str]
-) -> tuple[Advice, ...]:
-    """Return one advice for each group of columns that makes a parameter uncertain: what is seen of them.
-
-    `refused` are columns that have no number because of such a group.
-    """
-    uncertain = {entry.name for entry in parameters if entry.relative_std >= percent}
-    return tuple(
-        Advice(
-            "dependent columns",
-            group.text,
-            f"({_closeness(group)})",
-            "give one of them as known, sense more (modelgen show --sensors all), or move differently",
-        )
-        for group in found
-        if any(name in uncertain or name in refused for name in group.columns)
-    )
-
-
-def _closeness(group: Dependence) -> str:
-    exact = group.condition_index > HIGHEST_INDEX
-    return "exactly dependent" if exact else group.index_said
+def _largest_share(fit: Fit, index: int, value: float) -> tuple[str, float]:
+    """Return the row of which a column, with a value in SI, is the largest share, and that of its force."""
+    sizes = ((block, block.size(fit.solution.x)) for block in fit.blocks)
+    shares = [
+        (block.row_name, value * block.column_norm(index) / size) for block, size in sizes if size > 0.0
+    ]
+    return max(shares, key=lambda one: one[1], default=("", float("inf")))
 
 
 def noisy_derivatives(model: Model, entries: Sequence[SignalToNoise]) -> tuple[Advice, ...]:

@@ -58,6 +58,8 @@ LARGEST_NOISE = 1.5
 FRICTION_OVER_REST = 3.0
 # Where what encoders round is so many times the white floors in a row, it has a colour of its own.
 MOSTLY_ROUNDED = 1.2
+# Friction whose interval holds zero, and at its end less than this share of the force of every row, is none.
+NEGLIGIBLE = 5e-3
 # Derivatives with less signal than this above their noise bias least squares visibly.
 LEAST_SNR_DB = 20.0
 

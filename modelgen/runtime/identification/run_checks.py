@@ -29,7 +29,6 @@ from modelgen.runtime.diagnostics.motion_checks import (
 )
 from modelgen.runtime.diagnostics.noise_bias import bias_advice, noise_bias, significant_bias
 from modelgen.runtime.diagnostics.parameter_checks import (
-    dependence_advice,
     negative_values,
     noisy_derivatives,
     null_solution,
@@ -58,7 +57,7 @@ from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.threads import meanwhile
 from modelgen.runtime.parameters.bounds import BoundCost, bound_advice
-from modelgen.runtime.parameters.dependence import dependences
+from modelgen.runtime.parameters.dependence import dependence_advice, dependences
 from modelgen.runtime.results.checks import Checks, Periods
 from modelgen.runtime.results.estimate import Estimate
 

@@ -8,7 +8,7 @@ by the others, and what is left are combinations that the records do see.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 
@@ -16,9 +16,11 @@ import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.errors import listed, signed_sum
+from modelgen.runtime.advice import Advice
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.grouped_reasons import parameters_in
+from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.rounded import with_interval
 from modelgen.runtime.parameters.thresholds import (
     HIGHEST_INDEX,
@@ -212,3 +214,28 @@ def _dependence(
 def joined(words: Sequence[str]) -> str:
     """Return words as one lists them: "a, b and c"."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def dependence_advice(
+    found: Sequence[Dependence], parameters: Sequence[Parameter], percent: float, refused: Container[str]
+) -> tuple[Advice, ...]:
+    """Return one advice for each group of columns that makes a parameter uncertain: what is seen of them.
+
+    `refused` are columns that have no number because of such a group.
+    """
+    uncertain = {entry.name for entry in parameters if entry.relative_std >= percent}
+    return tuple(
+        Advice(
+            "dependent columns",
+            group.text,
+            f"({_closeness(group)})",
+            "give one of them as known, sense more (modelgen show --sensors all), or move differently",
+        )
+        for group in found
+        if any(name in uncertain or name in refused for name in group.columns)
+    )
+
+
+def _closeness(group: Dependence) -> str:
+    exact = group.condition_index > HIGHEST_INDEX
+    return "exactly dependent" if exact else group.index_said

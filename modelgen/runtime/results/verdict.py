@@ -59,6 +59,8 @@ MODEL = {
     "sensor sets disagree": CHECK,
 }
 KINDS: Mapping[str, str] = {**DATA, **EXPERIMENT, **MODEL}
+# A parameter that is known to be none: nothing speaks against the estimate.
+NEGLIGIBLE = "negligible"
 FIRST, SECOND, REFUSED, LATER, LAST = range(5)
 
 # what a reason for having no number begins with or holds, and what to do about it
@@ -97,6 +99,8 @@ def verdict(estimate: Estimate) -> Verdict:
     found = sorted(_findings(estimate), key=lambda one: one.rank)
     if not found:
         widest = f"no interval is wider than {2 * WIDE_PERCENT:.0f} % of the value either way"
+        if none := _negligible(estimate):
+            widest += f", but for what is negligible ({listed(none, most=6)})"
         why = f"the residual is no more than noise, {widest}"
         return Verdict(TRUST, (why,))
     return Verdict(found[0].word, tuple(one.why for one in found), found[0].action)
@@ -104,6 +108,8 @@ def verdict(estimate: Estimate) -> Verdict:
 
 def _findings(estimate: Estimate) -> Iterator[_Finding]:
     for advice in estimate.checks.advice:
+        if advice.kind == NEGLIGIBLE:
+            continue
         rank = FIRST if advice.kind in DATA else SECOND if advice.kind in EXPERIMENT else LATER
         word = KINDS.get(advice.kind, CHECK)
         yield _Finding(rank, word, f"{advice.kind}: {advice.where} {advice.what}", advice.remedy)
@@ -164,15 +170,20 @@ def _untested(estimate: Estimate) -> Iterator[_Finding]:
         yield _Finding(LATER, CHECK, why, "sense more (modelgen show --sensors all)")
 
 
+def _negligible(estimate: Estimate) -> list[str]:
+    return [advice.where for advice in estimate.checks.advice if advice.kind == NEGLIGIBLE]
+
+
 def _wide(estimate: Estimate) -> Iterator[_Finding]:
     """Yield the parameter with the widest interval: more than noise may be told from, but not how much."""
-    roles, physical = estimate.model.roles, estimate.parameters.physical
+    roles, physical, negligible = estimate.model.roles, estimate.parameters.physical, _negligible(estimate)
     entries = [
         entry
         for entry in (*estimate.parameters.identified, *physical)
         # a composite is not what was asked for where physical parameters are
         if (role := roles.get(entry.name, "" if physical else "composite"))
         and not may_be_zero(entry.name, role)
+        and entry.name not in negligible
         and not entry.relative_std <= WIDE_PERCENT
     ]
     if entries:

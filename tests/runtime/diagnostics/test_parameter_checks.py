@@ -252,3 +252,13 @@ def test_an_offset_whose_interval_holds_zero_is_no_sign_of_a_poor_motion() -> No
     assert uncertain_parameters(RIGID, fit, [zero], 10.0, None, None) == ()
     (small,) = uncertain_parameters(RIGID, fit, [off], 10.0, None, None)
     assert small.kind == "too small"
+
+
+@pytest.mark.parametrize(("std", "none"), [(1e-9, True), (50.0, False)])
+def test_friction_that_would_be_felt_and_is_zero_is_none(std: float, none: bool) -> None:
+    estimate = identify(RIGID, rigid_record(), **values_of(**SETTINGS))
+    (entry,) = (one for one in estimate.parameters.identified if RIGID.roles[one.name].role == "coulomb")
+    fit = fit_matched(observe(RIGID, [rigid_record(noise=1e-7)], CHOICE))
+    told = uncertain_parameters(RIGID, fit, [replace(entry, value=-0.1 * std, std=std)], 10.0, None, None)
+    assert [one.kind for one in told] == ["negligible"] * none
+    assert all(f"--set {entry.name}=0" in one.remedy for one in told)

@@ -20,7 +20,7 @@ from modelgen.runtime.parameters.pruning import Pruning
 from modelgen.runtime.results.checks import Checks
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.results.estimate_parts import EstimatedFit, EstimatedModel, EstimatedParameters
-from modelgen.runtime.results.verdict import AGAIN, CHECK, DATA, KINDS, TRUST, verdict
+from modelgen.runtime.results.verdict import AGAIN, CHECK, DATA, KINDS, NEGLIGIBLE, TRUST, verdict
 
 TESTED = ResidualTest("chirp", "m", 3.0, 9.0, None, None)
 
@@ -67,7 +67,7 @@ def kinds_in_the_source() -> set[str]:
 def test_every_kind_of_advice_has_its_place() -> None:
     found = kinds_in_the_source()
     assert len(found) > 15
-    assert found <= set(KINDS)
+    assert found <= {*KINDS, NEGLIGIBLE}
 
 
 def test_trust_is_said_where_nothing_speaks_against_it() -> None:
@@ -82,6 +82,19 @@ def test_no_kind_of_advice_leaves_it_at_trust(kind: str) -> None:
     assert said.word == KINDS.get(kind, CHECK) != TRUST
     assert said.action == f"mend {kind}"
     assert said.reasons == (f"{kind}: J is odd",)
+
+
+def test_friction_that_is_none_speaks_against_nothing() -> None:
+    whole = sound()
+    none = tuple(replace(p, value=0.0, std=1e-6) if p.name == "F" else p for p in whole.parameters.physical)
+    found = replace(whole, parameters=replace(whole.parameters, identified=none, physical=none))
+    assert verdict(found).word == CHECK
+    told = Checks(
+        (Advice(NEGLIGIBLE, "F", "is zero, to 0.02 % of what row m holds", "leave it out"),), (TESTED,)
+    )
+    said = verdict(replace(found, checks=told))
+    assert (said.word, said.action) == (TRUST, "")
+    assert said.reasons[0].endswith("but for what is negligible (F)")
 
 
 @pytest.mark.parametrize("cause", DATA)
