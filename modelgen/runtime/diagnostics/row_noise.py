@@ -122,6 +122,7 @@ def exceeding_noise(
     fit: Fit,
     multiple: float,
     share: float = 0.0,
+    rounded: bool = False,
 ) -> list[tuple[RowBlock, float]]:
     """Return the blocks that leave more than noise of the sensors explains, and what share they leave.
 
@@ -131,12 +132,16 @@ def exceeding_noise(
         Of the noise, that a residual exceeds.
     share : float
         Of its largest term, that it leaves.
+    rounded : bool
+        Whether encoders round the motion where nothing is simulated, too (`rounded_motion`).
     """
     found, x = [], fit.all_parameters(model.base_parameters)
     for index, (block, left) in enumerate(zip(fit.blocks, fit.left_shares, strict=True)):
         factor = choice.decimation[block.record]
-        moved = (fit.simulated or {}).get(block.record)
-        noise = row_noise(model, records[block.record], choice, factor, block.row, x, moved)
+        record, moved = records[block.record], (fit.simulated or {}).get(block.record)
+        if rounded:
+            moved = rounded_motion(fit, block.record, record, choice)
+        noise = row_noise(model, record, choice, factor, block.row, x, moved)
         if left > share and fit.rms(index) > multiple * noise:
             found.append((block, left))
     return found
