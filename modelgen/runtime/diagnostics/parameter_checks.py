@@ -10,7 +10,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.noise_bias import significant_bias, takes_instruments
-from modelgen.runtime.diagnostics.row_noise import hardly_weighed, rounded_motion, row_noise
+from modelgen.runtime.diagnostics.row_noise import block_noise, hardly_weighed
 from modelgen.runtime.diagnostics.thresholds import (
     LARGEST_NOISE,
     LEAST_SNR_DB,
@@ -178,10 +178,7 @@ def _from_zero(values: FloatArray, covariance: FloatArray) -> float:
 
 def _drowned(fit: Fit, index: int, model: Model, record: Record, choice: FilterChoice) -> bool:
     """Return whether what a row leaves is hardly more than noise of the sensors."""
-    x, block = fit.all_parameters(model.base_parameters), fit.blocks[index]
-    factor, moved = choice.decimation[block.record], rounded_motion(fit, block.record, record, choice)
-    noise = row_noise(model, record, choice, factor, block.row, x, moved)
-    return fit.rms(index) < LARGEST_NOISE * noise
+    return fit.rms(index) < LARGEST_NOISE * block_noise(fit, index, model, record, choice, rounded=True)
 
 
 def negative_values(model: Model, parameters: Sequence[Parameter]) -> tuple[Advice, ...]:

@@ -16,7 +16,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.lagged_noise import LaggedNoise, lagged_noise
 from modelgen.runtime.diagnostics.residual_whiteness import coloured, opened_bound, whiteness
-from modelgen.runtime.diagnostics.row_noise import rounded_motion, row_noise
+from modelgen.runtime.diagnostics.row_noise import block_noise, row_noise
 from modelgen.runtime.diagnostics.thresholds import (
     CONFIDENCE,
     INPUT_LAGS,
@@ -141,9 +141,8 @@ def residual_tests(
 def _is_rounding(model: Model, record: Record, choice: FilterChoice, fit: Fit, index: int) -> bool:
     """Return whether what a row leaves is what encoders round: of slow motion lines and bursts."""
     block, x = fit.blocks[index], fit.all_parameters(model.base_parameters)
-    at, moved = choice.decimation[block.record], rounded_motion(fit, block.record, record, choice)
-    white = row_noise(model, record, choice, at, block.row, x)
-    rounded = row_noise(model, record, choice, at, block.row, x, moved)
+    white = row_noise(model, record, choice, choice.decimation[block.record], block.row, x)
+    rounded = block_noise(fit, index, model, record, choice, rounded=True)
     return rounded > MOSTLY_ROUNDED * white and fit.rms(index) < LARGEST_NOISE * rounded
 
 

@@ -88,6 +88,21 @@ def rounded_motion(fit: Fit, index: int, record: Record, choice: FilterChoice) -
     return record if short else record.facts.kept(("smoothed", choice), smoothed)
 
 
+def block_noise(
+    fit: Fit, index: int, model: Model, record: Record, choice: FilterChoice, rounded: bool = False
+) -> float:
+    """Return the rms that noise of the sensors gives what a block of a fit leaves, in its row's unit.
+
+    `rounded` says whether encoders round the motion where nothing is simulated, too (`rounded_motion`).
+    """
+    block, x = fit.blocks[index], fit.all_parameters(model.base_parameters)
+    if rounded:
+        moved: Record | None = rounded_motion(fit, block.record, record, choice)
+    else:
+        moved = (fit.simulated or {}).get(block.record)
+    return row_noise(model, record, choice, choice.decimation[block.record], block.row, x, moved)
+
+
 def _as_rounded(
     record: Record, moved: Record, key: str, white: float, frequency_hz: FloatArray
 ) -> FloatArray | float:
@@ -133,15 +148,11 @@ def exceeding_noise(
     share : float
         Of its largest term, that it leaves.
     rounded : bool
-        Whether encoders round the motion where nothing is simulated, too (`rounded_motion`).
+        As for `block_noise`.
     """
-    found, x = [], fit.all_parameters(model.base_parameters)
+    found = []
     for index, (block, left) in enumerate(zip(fit.blocks, fit.left_shares, strict=True)):
-        factor = choice.decimation[block.record]
-        record, moved = records[block.record], (fit.simulated or {}).get(block.record)
-        if rounded:
-            moved = rounded_motion(fit, block.record, record, choice)
-        noise = row_noise(model, record, choice, factor, block.row, x, moved)
+        noise = block_noise(fit, index, model, records[block.record], choice, rounded)
         if left > share and fit.rms(index) > multiple * noise:
             found.append((block, left))
     return found

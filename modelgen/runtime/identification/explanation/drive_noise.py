@@ -38,7 +38,7 @@ LONGEST_PERIOD, EVEN_LENGTH, FEW_FORCES = 1 << 16, 1 << 10, 4
 # So often over all forces: masks, and rows that begin anew behind them, see parts of it.
 DRAWS, FEWEST_DRAWS = 4, 2
 # Where rows leave less than this share of a force's floor, something else than noise stands in it.
-NOISE_ALONE = 0.5
+MOSTLY_NOISE = 0.5
 # Steps in which the largest share comes out to some percent.
 POWER_STEPS = 20
 
@@ -91,7 +91,7 @@ def drive_bias(job: Job, fit: Fit) -> DriveBias:
     share = _largest(inverse, own.T @ power[:c, :c] @ own)
     # columns of delays stand behind the parameters' where rows are white, and are projected out elsewhere
     delays = shift[c : c + len(fit.delays)] if fit.white is not None else _of_delays(job, fit, shift)
-    at_most = min(float(one) for shares in passed.values() for one in shares.values()) < NOISE_ALONE
+    at_most = min(float(one) for shares in passed.values() for one in shares.values()) < MOSTLY_NOISE
     return DriveBias(shift[:c], delays, spread, share, at_most)
 
 

@@ -20,13 +20,12 @@ from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import CREEP, STRUCTURAL, Changes, Effect
 from modelgen.runtime.iv.pushed_chain import pushed_link
 from modelgen.runtime.iv.shapes.further_mass import Response, through
-from modelgen.runtime.iv.shapes.shape_search import ShapeRows, grid_hz
+from modelgen.runtime.iv.shapes.shape_search import ShapeRows, grid_hz, slowest_in
 from modelgen.runtime.iv.thresholds import (
     CREEPS_FROM,
     CREEPS_GRID,
     CREEPS_TESTED,
     CREEPS_UP_TO,
-    FEWEST_PERIODS,
     LONGEST_STEPS,
     LONGEST_TILT,
     STEEPEST,
@@ -47,13 +46,10 @@ def creeping_links(rows: ShapeRows, names: Collection[str]) -> Iterator[Effect]:
     names : collection of str
         Those of effects that are estimated already.
     """
-    choice = rows.setting.choice
-    low, high = CREEPS_FROM * (choice.dynamics_hz or choice.cutoff_hz), choice.cutoff_hz
-    for name, role in rows.simulated[0].plant.model.roles.items():
-        if role.role == "stiffness":
-            grid = [creep(name, hz, rows.slowest_hz) for hz in grid_hz(low, high, CREEPS_GRID)]
-            if grid[0].name not in names:
-                yield from rows.best_of(grid, NUMBERS)
+    model, setting = rows.simulated[0].plant.model, rows.setting
+    for _, grid in _creeps(model, setting.records, setting.choice, CREEPS_GRID):
+        if grid[0].name not in names:
+            yield from rows.best_of(grid, NUMBERS)
 
 
 def creep(stiffness: str, hz: float, slowest_hz: float = 0.0) -> Effect:
@@ -125,14 +121,25 @@ def creep_effects(model: Model, records: Sequence[Record], choice: FilterChoice)
 
     Either is told from the other, and from what else explains the residual, by fits with its shape estimated.
     """
-    slowest = FEWEST_PERIODS / max(record.duration_s for record in records)
-    low, high = CREEPS_FROM * (choice.dynamics_hz or choice.cutoff_hz), choice.cutoff_hz
+    slowest, (low, high) = slowest_in(records), _band_hz(choice)
+    for name, grid in _creeps(model, records, choice, CREEPS_TESTED):
+        spread = spread_creep(name, slowest, CREEPS_UP_TO * high)
+        yield replace(spread, forms=(creep(name, float(np.sqrt(low * high)), slowest),))
+        yield from (replace(one, forms=(spread,)) for one in grid)
+
+
+def _creeps(
+    model: Model, records: Sequence[Record], choice: FilterChoice, ratio: float
+) -> Iterator[tuple[str, list[Effect]]]:
+    """Yield each stiffness, and the creep of its link at frequencies so many times the one before."""
+    slowest = slowest_in(records)
     for name, role in model.roles.items():
         if role.role == "stiffness":
-            spread = spread_creep(name, slowest, CREEPS_UP_TO * high)
-            yield replace(spread, forms=(creep(name, float(np.sqrt(low * high)), slowest),))
-            for hz in grid_hz(low, high, CREEPS_TESTED):
-                yield replace(creep(name, hz, slowest), forms=(spread,))
+            yield name, [creep(name, hz, slowest) for hz in grid_hz(*_band_hz(choice), ratio)]
+
+
+def _band_hz(choice: FilterChoice) -> tuple[float, float]:
+    return CREEPS_FROM * (choice.dynamics_hz or choice.cutoff_hz), choice.cutoff_hz
 
 
 def _part(name: str, stiffness: str, response: Response) -> Effect:

@@ -30,6 +30,7 @@ from modelgen.runtime.least_squares.further_columns import joined_blocks
 from modelgen.runtime.least_squares.wls import weighed_by_residuals
 from modelgen.runtime.numerics.block_column import BlockColumn
 from modelgen.runtime.numerics.qr_triangle import triangle_of
+from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.row_block import RowBlock
 from modelgen.runtime.rows.row_triangles import RowTriangle
 
@@ -73,8 +74,8 @@ class ShapeRows:
 
     @property
     def slowest_hz(self) -> float:
-        """The frequency in Hz below which the longest record holds too little of a period."""
-        return FEWEST_PERIODS / max(record.duration_s for record in self.setting.records)
+        """As `slowest_in` its records."""
+        return slowest_in(self.setting.records)
 
     @cached_property
     def limits(self) -> tuple[float, float]:
@@ -144,6 +145,11 @@ class ShapeRows:
         shape = effect.shape(self.records)
         columns = self.columns((effect, *shape[numbers:]))
         return _Begun(effect, shape, columns, self.left(columns).least)
+
+
+def slowest_in(records: Sequence[Record]) -> float:
+    """Return the frequency in Hz below which the longest record holds too little of a period."""
+    return FEWEST_PERIODS / max(record.duration_s for record in records)
 
 
 def grid_hz(low: float, high: float, ratio: float) -> list[float]:
