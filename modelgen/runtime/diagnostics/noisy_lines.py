@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import combinations
@@ -244,13 +244,13 @@ def _slopes(
         if read[0] in noisy
     }
     changes = [{read: np.array(sign * step)} for read, step in steps.items() for sign in (1.0, -1.0)]
-    made = changed(lines, keys, values, changes)
-    found: dict[str, dict[Read, FloatArray]] = {key: {} for key in keys}
-    for place, (read, step) in enumerate(steps.items()):
-        for key in keys:
-            slope = (made[key][2 * place] - made[key][2 * place + 1]) / (2.0 * step)
-            if slope.any():
-                found[key][read] = slope
+    found, reads = {key: dict[Read, FloatArray]() for key in keys}, list(steps)
+    for first, made in in_parts(lines, keys, values, changes, 2):
+        for key, line in made.items():
+            width = line[::2] - line[1::2]
+            for at in np.flatnonzero(width.any(axis=1)).tolist():  # a line is made of few readings
+                read = reads[first // 2 + at]
+                found[key][read] = width[at] / (2.0 * steps[read])
     return found
 
 
@@ -262,22 +262,39 @@ def changed(
 ) -> dict[str, FloatArray]:
     """Return lines where values, shape (N,) each, are changed by each of `changes`, shape (changes, N) each.
 
-    Many changes are made at once, one behind the other: a line takes as long for a few hundred samples as for
-    a few thousand. A change of what has no value is that of zero. All are in SI.
+    A change of what has no value is that of zero. All are in SI.
+    """
+    found = {key: np.zeros((len(changes), len(next(iter(values.values()))))) for key in keys}
+    for first, made in in_parts(lines, keys, values, changes):
+        for key, line in made.items():
+            found[key][first : first + len(line)] = line
+    return found
+
+
+def in_parts(
+    lines: Callable[[Mapping[Read, FloatArray]], Mapping[str, FloatArray]],
+    keys: Sequence[str],
+    values: Mapping[Read, FloatArray],
+    changes: Sequence[Mapping[Read, FloatArray]],
+    of: int = 1,
+) -> Iterator[tuple[int, dict[str, FloatArray]]]:
+    """Yield the first of some changes, and lines where values are changed by them, shape (some, N) each.
+
+    Many changes, a multiple of `of`, are made at once, one behind the other: a line takes as long for a few
+    hundred samples as for a few thousand. The other arguments are those of `changed`.
     """
     count = len(next(iter(values.values())))
-    found = {key: np.zeros((len(changes), count)) for key in keys}
-    most = max(1, CHANGED_TOGETHER // count)
+    most = of * max(1, CHANGED_TOGETHER // (of * count))
+    plain = dict[Read, FloatArray]()
     for first in range(0, len(changes), most):
         some = changes[first : first + most]
-        known: dict[Read, FloatArray] = {}
-        for read in dict.fromkeys([*values, *(read for one in some for read in one)]):
-            table = np.tile(values.get(read, np.zeros(count)), (len(some), 1))
+        plain = plain or {read: np.tile(value, len(some)) for read, value in values.items()}
+        known = {read: line[: len(some) * count] for read, line in plain.items()}
+        for read in dict.fromkeys(read for one in some for read in one):
+            table = known[read].reshape(-1, count).copy() if read in known else np.zeros((len(some), count))
             for line, one in zip(table, some, strict=True):
                 if read in one:
                     line += one[read]
             known[read] = table.ravel()
         made = lines(known)
-        for key in keys:
-            found[key][first : first + len(some)] = np.reshape(made[key], (len(some), count))
-    return found
+        yield first, {key: np.reshape(made[key], (len(some), count)) for key in keys}

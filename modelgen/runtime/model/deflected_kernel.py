@@ -149,9 +149,8 @@ class DeflectedKernel:
             position, slopes = self._given(row, read, count, succession)
             given |= {_ordered(row.channel, o): value for o, value in enumerate(position)}
             for column, slope in slopes.items():
-                moves.setdefault(column, []).extend(
-                    (_ordered(row.channel, order), value) for order, value in enumerate(slope)
-                )
+                ordered = enumerate(slope)
+                moves.setdefault(column, []).extend((_ordered(row.channel, o), value) for o, value in ordered)
         signals = {key: read[self.reads_of[key]] for key in self.kernel.inputs if key in self.reads_of}
         signals |= given
         found = dict(self.kernel.lines(signals)) if self.kernel.keys else {}
@@ -167,8 +166,8 @@ class DeflectedKernel:
         for place in self.rows:
             found[shift_key(place)] = shift = np.zeros(count)
             for column in self.columns:
-                total = sum((along[key].get(place, 0.0) * by for key, by in moves[column]), np.zeros(count))
-                found[slope_key(place, column)] = total
+                felt = [along[key][place] * by for key, by in moves[column] if place in along[key]]
+                found[slope_key(place, column)] = total = sum(felt, np.zeros(count))
                 shift += self.point[column] * total
         return found
 
@@ -205,20 +204,19 @@ class DeflectedKernel:
                 position[order] = position[order] + read[row.channel, order]
         slopes = {}
         for column, part in columns.items() if self.rows else ():
+            springs = bool(part.position or part.speed)
             acting = [
-                rest + part.position * position[order] + _later(part.speed, position, order)
-                for order, rest in enumerate(rests[column])
+                rest + part.position * position[o] + _later(part.speed, position, o) if springs else rest
+                for o, rest in enumerate(rests[column])
             ]
-            again = fs if self.motors_alone and (part.position or part.speed) else None
+            again = fs if self.motors_alone and springs else None
             slopes[column] = lagged([-one / stiff for one in acting], lag, again, exact)[: kept + 1]
         return position[: kept + 1], slopes
 
     def spring(self, row: GivingRow) -> tuple[float, float]:
         """Return what a position is multiplied by in the row that gives it, and by how many s it lags."""
-        parts = [
-            (float(self.point[c]), without_sought(terms, row.channel)) for c, terms in row.columns.items()
-        ]
-        parts.append((-1.0, without_sought(row.left, row.channel)))
+        counted = [(float(self.point[column]), terms) for column, terms in row.columns.items()]
+        parts = [(by, without_sought(terms, row.channel)) for by, terms in (*counted, (-1.0, row.left))]
         stiff = sum(value * part.position for value, part in parts)
         return stiff, sum(value * part.speed for value, part in parts) / stiff
 
@@ -248,7 +246,8 @@ class DeflectedKernel:
                 back = here if once else self.kernel.lines({**signals, key: signals[key] - step})
                 behind, width = self._held(back), step if once else 2.0 * step
                 for one in ahead:
-                    found[key][one] = found[key].get(one, 0.0) + (ahead[one] - behind[one]) / width
+                    if (change := ahead[one] - behind[one]).any():  # few rows hold any one position
+                        found[key][one] = found[key].get(one, 0.0) + change / width
         return found
 
     def _held(self, lines: Mapping[str, FloatArray]) -> dict[int, FloatArray]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from modelgen.runtime.diagnostics import noisy_lines
-from modelgen.runtime.diagnostics.noisy_lines import changed
+from modelgen.runtime.diagnostics.noisy_lines import NoisyLines, changed
 
 READ = dict[tuple[str, int], np.ndarray]
 
@@ -38,3 +41,27 @@ def test_changes_made_together_are_those_made_one_by_one(
         known = {read: values.get(read, 0.0) + one.get(read, 0.0) for read in {**values, **one}}
         for key, line in lines(known).items():
             np.testing.assert_allclose(found[key][place], line, rtol=1e-15)
+
+
+def test_slopes_take_the_memory_of_those_that_are_not_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+    # arms of six joints have hundreds of lines and readings, and each line is made of few
+    count, samples = 150, 400
+    names = [f"line {k}" for k in range(count)]
+    values: READ = {(f"q{k}", 0): np.linspace(1.0, 2.0, samples) for k in range(count)}
+
+    def squares(_: object, values: READ) -> dict[str, np.ndarray]:
+        return {name: (k + 1.0) * values[f"q{k}", 0] ** 2 for k, name in enumerate(names)}
+
+    monkeypatch.setattr(noisy_lines, "formed", squares)
+    kernel: Any = SimpleNamespace(keys=names)
+    tracemalloc.start()
+    try:
+        found = NoisyLines(kernel, values, {channel for channel, _ in values}).slopes()
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    # all of them would take 144 MB, and lines at both ends of their steps twice that
+    assert peak < 60e6
+    for k, name in enumerate(names):
+        assert list(found[name]) == [(f"q{k}", 0)]
+        np.testing.assert_allclose(found[name][f"q{k}", 0], 2.0 * (k + 1.0) * values[f"q{k}", 0], rtol=1e-8)
