@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -33,11 +34,15 @@ class PeriodSpread:
     """Covariance from the spread over periods, shape (c, c), in the order of the fit's columns.
 
     `period_s` maps records to periods in s, `count` says how many periods (or groups of them) there are.
+    `smooth` is the variance of each column, shape (c,), from sums over triangles of two periods each, and
+    `degrees` how many degrees of freedom it has, 0 where there are too few periods for it.
     """
 
     period_s: Mapping[str, float]
     count: int
     covariance: FloatArray
+    smooth: FloatArray
+    degrees: int
 
 
 def periods_of(
@@ -81,24 +86,55 @@ def period_spread(
     used = list(dict.fromkeys(block.record for block in fit.blocks))
     if not all(records[index].name in period_s for index in used):
         return None
-    clusters = []
+    clusters, triangles = [], []
     for index, parts in zip(used, influence_parts(fit), strict=True):
         record, block = records[index], next(block for block in fit.blocks if block.record == index)
         instants = block.start / record.fs, decimation[index] / record.fs, period_s[record.name]
         last = int(_periods_since(*instants, np.array([block.grid - 1]))[0])
         together = -(-(last + 1) // MOST_CLUSTERS)
         sums, first = np.zeros((last // together + 1, len(fit.columns))), 0
+        rising, falling = np.zeros((2, last // together + 3, len(fit.columns)))
+        length = together * instants[2] / instants[1]
         for psi in parts():
-            number = _periods_since(*instants, np.arange(first, first + len(psi)))
-            np.add.at(sums, number // together, psi)
+            points = np.arange(first, first + len(psi))
+            np.add.at(sums, _periods_since(*instants, points) // together, psi)
+            at = (points / length + 1e-9).astype(np.int64)
+            share = (points / length - at)[:, None]
+            np.add.at(rising, at, share * psi)
+            np.add.at(falling, at, (1.0 - share) * psi)
             first += len(psi)
         clusters.append(sums)
+        whole = int(block.grid / length + 1e-9)
+        triangles.append(rising[: max(whole - 1, 0)] + falling[1 : max(whole, 1)])
     found = np.concatenate(clusters)
     count = len(found)
     if count < FEWEST_PERIODS:
         return None
     found = found - found.mean(axis=0)
-    return PeriodSpread(dict(period_s), count, found.T @ found * count / (count - 1))
+    covariance = found.T @ found * count / (count - 1)
+    return PeriodSpread(dict(period_s), count, covariance, *_smooth(triangles, count))
+
+
+def _smooth(triangles: Sequence[FloatArray], periods: int) -> tuple[FloatArray, int]:
+    """Return the variance that sums over triangles give so many periods, (c,), and its degrees of freedom.
+
+    Noise of differentiated readings is large at both ends of a sum over one period, with opposite signs in
+    neighbours, and is not there in the sum over all. A triangle over two periods has no ends; where noise is
+    white beyond a period its sum has the variance of 2/3 of one, and that of the next is correlated by 1/4.
+    """
+    found = np.concatenate(triangles)
+    if len(found) < 2:
+        return np.zeros(found.shape[1]), 0
+    centred = np.eye(len(found)) - 1.0 / len(found)
+    alike = np.eye(len(found))
+    first = np.cumsum([0, *(len(one) for one in triangles)])
+    for start, end in pairwise(first.tolist()):
+        beside = np.arange(start, end - 1)
+        alike[beside, beside + 1] = alike[beside + 1, beside] = 0.25
+    alike = centred @ alike @ centred
+    trace = float(np.trace(alike))
+    variance = 1.5 * periods * np.sum((centred @ found) ** 2, axis=0) / trace
+    return variance, round(trace**2 / float(np.sum(alike**2)))
 
 
 def _periods_since(start_s: float, step_s: float, period_s: float, points: IntArray) -> IntArray:
@@ -112,8 +148,10 @@ def spread_beyond_noise(found: PeriodSpread, noise: FloatArray) -> FloatArray:
 
     Noise that changes from period to period (drift, temperature) hides from residuals within a period.
     """
-    own, theirs = np.diag(found.covariance), np.diag(noise)
-    limit = chi_square_beyond((1.0 - CONFIDENCE) / len(own), found.count - 1) / (found.count - 1)
+    own, theirs = found.smooth, np.diag(noise)
+    if not found.degrees:
+        return np.zeros(noise.shape)
+    limit = chi_square_beyond((1.0 - CONFIDENCE) / len(own), found.degrees) / found.degrees
     more = np.where(own > limit * theirs, np.maximum(own - theirs, 0.0), 0.0)
     return np.asarray(np.diag(more))
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from modelgen.errors import DataError
+from modelgen.runtime.diagnostics import periods
 from modelgen.runtime.diagnostics.periods import period_advice, period_spread, periods_of, spread_beyond_noise
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
@@ -97,6 +98,45 @@ def test_a_drifting_friction_shows_over_periods_and_widens_the_interval() -> Non
         assert found is not None
         assert bool(np.any(spread_beyond_noise(found, noise))) is drifts
         assert bool(period_advice(found, noise, fit.columns)) is drifts
+
+
+@pytest.mark.parametrize("steps", [1, 2])
+def test_noise_of_differentiated_readings_does_not_differ_between_periods(
+    monkeypatch: pytest.MonkeyPatch, steps: int
+) -> None:
+    """Sums over periods hold the ends of such noise, up to hundreds of times what the sum over all does."""
+    record = record_of(n=12500)
+    fit = METHODS["wls"].run(Job(RIGID, (record,), CHOICE))[1]
+    (psi,) = influence(fit)
+    rng, alarms = np.random.default_rng(5), 0
+    for _ in range(60):
+        white = rng.standard_normal((len(psi) + steps, len(fit.columns)))
+        # what is left of differentiated noise in the mean is a hundredth of it
+        noise = np.diff(white, steps, axis=0) + 0.01 * rng.standard_normal(psi.shape)
+        monkeypatch.setattr(periods, "influence_parts", lambda fit, noise=noise: [lambda: iter([noise])])
+        found = period_spread(fit, [record], CHOICE.decimation, {"run": PERIOD_S})
+        assert found is not None
+        expected = np.eye(len(fit.columns)) * (len(psi) * 0.01**2 + 2.0 * (2.0 if steps == 2 else 1.0))
+        assert np.all(np.diag(found.covariance) > 0.0)
+        alarms += bool(np.any(spread_beyond_noise(found, expected)))
+    assert alarms <= 3
+
+
+def test_sums_over_triangles_have_the_variance_of_white_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    record = record_of(n=12500)
+    fit = METHODS["wls"].run(Job(RIGID, (record,), CHOICE))[1]
+    (psi,) = influence(fit)
+    rng, ratios, alarms = np.random.default_rng(6), [], 0
+    for _ in range(200):
+        white = rng.standard_normal(psi.shape)
+        monkeypatch.setattr(periods, "influence_parts", lambda fit, white=white: [lambda: iter([white])])
+        found = period_spread(fit, [record], CHOICE.decimation, {"run": PERIOD_S})
+        assert found is not None
+        assert found.degrees == 2
+        ratios.append(found.smooth / len(psi))
+        alarms += bool(np.any(spread_beyond_noise(found, len(psi) * np.eye(len(fit.columns)))))
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.1)
+    assert alarms <= 8
 
 
 def test_records_without_a_period_have_no_spread() -> None:
