@@ -7,7 +7,7 @@ values those are tried, and deflections of so many parts of the motion.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Protocol
@@ -18,13 +18,13 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.identification.choose_cutoff import higher_cutoffs
+from modelgen.runtime.identification.elastic.likely_places import likely_places
 from modelgen.runtime.identification.elastic.other_springs import other_springs
-from modelgen.runtime.identification.elastic.settling import settled, settled_with
-from modelgen.runtime.identification.elastic.starting_springs import springs_pull, starting_springs
+from modelgen.runtime.identification.elastic.settling import settled_with
+from modelgen.runtime.identification.elastic.starting_springs import springs_pull
 from modelgen.runtime.identification.elastic.steps_about import (
     columns_of,
     fit_about,
-    left_by,
     moved,
     rest_with_forces_open,
     size_of,
@@ -36,7 +36,6 @@ from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     BETTER_PLACES,
     CUTOFFS_WITHOUT_ESTIMATE,
-    HELD_STEPS,
     LONGEST_SERIES,
     MORE_STEPS,
     MOST_STEPS,
@@ -44,12 +43,10 @@ from modelgen.runtime.identification.thresholds import (
     POINT_TOLERANCE,
     ROUNDING,
     SAME_RATIO,
-    SETTLING_STEPS,
     WITHIN_NOISE,
 )
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open
@@ -168,9 +165,7 @@ def _from_point(task: Task, kernel: DeflectedKernel, others: bool) -> tuple[Task
 def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
     """Return the task about its estimate, and where that rests; None where no start leads there."""
     job = replace(task.job, late=(), rows_for_tag=None)
-    starts = starting_springs(task.model, kernel, task.records)
-    points = (settled if kernel.motors_alone else _stepped_from)(job, kernel, starts)
-    return _at_rest(task, job, kernel, points)
+    return _at_rest(task, job, kernel, likely_places(job, kernel))
 
 
 def _at_rest(
@@ -265,35 +260,3 @@ def _slow_ratio(fit: Fit, model: Model, steps: tuple[FloatArray, FloatArray, Flo
         return 0.0
     ratio = 1.0 + float(along @ bent) / length
     return ratio if 0.5 < ratio < 1.0 else 0.0
-
-
-def _stepped_from(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray]) -> list[FloatArray]:
-    """Return where a few steps lead from starts, base parameters in SI, what leaves least first."""
-    ends = [_stepped(job, kernel, start, SETTLING_STEPS) for start in starts]
-    return [point for point, _ in sorted(ends, key=lambda one: one[1]) if point is not None]
-
-
-def _stepped(
-    job: Job, kernel: DeflectedKernel, point: FloatArray, steps: int
-) -> tuple[FloatArray | None, float]:
-    """Return the point after so many steps, None where one fails, and what the last one left.
-
-    The first of them leave springs and dampers as they are, the next ones dampers: what acts less is to
-    follow what acts more.
-    """
-    left, names = np.inf, job.model.base_parameters
-    springs = {names[c] for row in kernel.giving for c in row.acting(0)}
-    dampers = {names[c] for row in kernel.giving for c in row.acting(1)}
-    for count in range(steps):
-        try:
-            fit = fit_about(job, kernel, point)
-            held = springs | dampers if count < HELD_STEPS else dampers if count < 2 * HELD_STEPS else set()
-            if held:
-                fit = refit(fit, [name for name in fit.columns if name not in held])
-        except IdentifiabilityError:
-            return None, np.inf
-        point = moved(job.model, kernel, fit, point)
-        if not springs_pull(kernel, point):
-            return None, np.inf
-        left = left_by(fit)
-    return point, left

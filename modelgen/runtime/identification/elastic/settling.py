@@ -30,6 +30,7 @@ from modelgen.runtime.identification.thresholds import (
     FIRST_DAMPING,
     FIRST_STEPS,
     HARDLY_SEEN,
+    LIKELY_STARTS,
     MORE_STEPS,
     MOST_DAMPING,
     SAME_PLACE,
@@ -69,6 +70,21 @@ def settled(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray]) -> 
         if len(best) < BEST_PLACES and not any(_same_springs(kernel, place, one) for one in best):
             best.append(settled_with(job, kernel, place.point, (), MORE_STEPS) or place)
     return [place.point for place in sorted(best, key=lambda one: one.left)]
+
+
+def likely_starts(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray]) -> list[FloatArray]:
+    """Return those of many starts with which links and drives leave least, as that is found in few steps.
+
+    Points are base parameters, shape (columns,), in SI.
+    """
+    held = {column for row in kernel.giving for order in (0, 1) for column in row.acting(order)}
+    found: list[Settled] = []
+    for start in starts:
+        begun = _begun(job, kernel, start, held)
+        fit = None if begun is None else _tried(job, kernel, begun)
+        if begun is not None and fit is not None:
+            found.append(Settled(begun, _left_at(job, fit, begun)))
+    return [one.point for one in sorted(found, key=lambda one: one.left)[:LIKELY_STARTS]]
 
 
 def settled_with(

@@ -1,0 +1,99 @@
+"""Places that steps lead to: from springs of one share, and where those do not explain the rows from many.
+
+Springs of one arm deflect by about the same share of the motion, unless one has its mode in the band of the
+motion: it deflects by more than its motor moves, and from starts of one share runs to where it is rigid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.diagnostics.row_noise import exceeding_noise
+from modelgen.runtime.identification.elastic.settling import likely_starts, settled
+from modelgen.runtime.identification.elastic.starting_springs import (
+    scattered_springs,
+    springs_pull,
+    starting_springs,
+)
+from modelgen.runtime.identification.elastic.steps_about import fit_about, left_by, moved
+from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.thresholds import (
+    HELD_STEPS,
+    LEFT_BY_ARMS,
+    OVER_NOISE,
+    SETTLING_STEPS,
+)
+from modelgen.runtime.least_squares.wls import refit
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
+
+
+def likely_places(job: Job, kernel: DeflectedKernel) -> list[FloatArray]:
+    """Return where steps from springs to start with lead, what leaves least first.
+
+    From more starts where that leaves more than noise: one spring alone has nothing to be in ratio to.
+    Points are base parameters, shape (columns,), in SI.
+    """
+    led = settled if kernel.motors_alone else _stepped_from
+    places = led(job, kernel, starting_springs(job.model, kernel, job.records))
+    if len(kernel.giving) < 2 or (places and _explains(job, kernel, places[0])):
+        return places
+    scattered = scattered_springs(job.model, kernel, job.records)
+    others = led(job, kernel, likely_starts(job, kernel, scattered))
+    if not places or (others and _left(job, kernel, others[0]) < _left(job, kernel, places[0])):
+        return [*others, *places]
+    return places
+
+
+def _explains(job: Job, kernel: DeflectedKernel, point: FloatArray) -> bool:
+    """Return whether rows about a point leave about noise, or hardly anything."""
+    try:
+        fit = fit_about(job, kernel, point)
+    except IdentifiabilityError:
+        return False
+    model = replace(job.model, kernel=kernel.at(point))
+    return not exceeding_noise(model, job.records, job.choice, fit, OVER_NOISE, LEFT_BY_ARMS)
+
+
+def _left(job: Job, kernel: DeflectedKernel, point: FloatArray) -> float:
+    """Return what rows about a point leave, see `left_by`; infinite where they tell nothing."""
+    try:
+        return left_by(fit_about(job, kernel, point))
+    except IdentifiabilityError:
+        return np.inf
+
+
+def _stepped_from(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray]) -> list[FloatArray]:
+    """Return where a few steps lead from starts, base parameters in SI, what leaves least first."""
+    ends = [_stepped(job, kernel, start, SETTLING_STEPS) for start in starts]
+    return [point for point, _ in sorted(ends, key=lambda one: one[1]) if point is not None]
+
+
+def _stepped(
+    job: Job, kernel: DeflectedKernel, point: FloatArray, steps: int
+) -> tuple[FloatArray | None, float]:
+    """Return the point after so many steps, None where one fails, and what the last one left.
+
+    The first of them leave springs and dampers as they are, the next ones dampers: what acts less is to
+    follow what acts more.
+    """
+    left, names = np.inf, job.model.base_parameters
+    springs = {names[c] for row in kernel.giving for c in row.acting(0)}
+    dampers = {names[c] for row in kernel.giving for c in row.acting(1)}
+    for count in range(steps):
+        try:
+            fit = fit_about(job, kernel, point)
+            held = springs | dampers if count < HELD_STEPS else dampers if count < 2 * HELD_STEPS else set()
+            if held:
+                fit = refit(fit, [name for name in fit.columns if name not in held])
+        except IdentifiabilityError:
+            return None, np.inf
+        point = moved(job.model, kernel, fit, point)
+        if not springs_pull(kernel, point):
+            return None, np.inf
+        left = left_by(fit)
+    return point, left
