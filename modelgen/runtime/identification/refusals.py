@@ -152,9 +152,11 @@ def dependent_columns(
     roles = model.roles if model else {}
     zeros = {name for name, role in roles.items() if may_be_zero(name, role.role)}
     found: dict[str, str] = {}
-    for group in dependences(fit, covariance, HIGHEST_INDEX) if lost else ():
-        why = group.inseparable("W is short of rank", model)
-        found |= {name: why for name in group.columns if name in lost}
+    # what rounding leaves of an index may be below that of equal columns: the closest group counts
+    for least in (HIGHEST_INDEX, LARGEST_INDEX) if lost else ():
+        for group in dependences(fit, covariance, least):
+            why = group.inseparable("W is short of rank", model)
+            found = dict.fromkeys((name for name in group.columns if name in lost), why) | found
     for group in dependences(fit, covariance):
         why = group.inseparable(group.index_said, model)
         for name in group.columns:

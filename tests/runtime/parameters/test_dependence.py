@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -128,3 +129,14 @@ def test_columns_that_a_simulation_moves_as_one_are_known_as_a_sum() -> None:
     assert list(reasons) == [COLUMNS[3], COLUMNS[4]]
     for name in reasons:
         assert f"W is short of rank; known is {COLUMNS[3]} + {COLUMNS[4]} = 4.4999 +- " in reasons[name]
+
+
+def test_the_sum_is_known_whatever_rounding_leaves_of_the_index() -> None:
+    W = columns()
+    W[:, 4] = W[:, 3] + 1e-6 * W[:, 4]  # an index of 2e6, below that of equal columns
+    fit = fit_of(W)
+    lost = np.array([name in COLUMNS[3:5] for name in COLUMNS])  # as a fit in physical parameters says
+    reasons = dependent_columns(replace(fit, solution=replace(fit.solution, undetermined=lost)))
+    assert list(reasons) == [COLUMNS[3], COLUMNS[4]]
+    for why in reasons.values():
+        assert f"known is {COLUMNS[3]} + {COLUMNS[4]} = 4.4999 +- 0.0037" in why
