@@ -84,6 +84,7 @@ def physical_parameters(
     refused: Mapping[str, str],
     nuisance: Mapping[str, float],
     near: Mapping[str, float] | None = None,
+    known: Mapping[str, float] | None = None,
 ) -> FoundParameters:
     """Return the physical parameters and, for those that cannot be had, the reason.
 
@@ -102,12 +103,15 @@ def physical_parameters(
         Physical parameters that the fit was made in, if it was: with all base parameters identified they are
         those that belong to them. Else a start where the model's own formula, which works in logarithms,
         leads to none because one of them is below zero.
+    known : mapping of str to float, optional
+        All physical parameters (SI) that were found for the same base parameters with other weights: where
+        these lead to a chain from there, no other start is looked for.
     """
     solved, factor = None, 1.0
     if not model.composites:
         values, gradients = _direct(model, base)
     else:
-        solved, factor = _from_composites(model, base, covariances, nuisance, near)
+        solved, factor = _from_composites(model, base, covariances, nuisance, near, known)
         if solved is None:
             return FoundParameters((), dict.fromkeys(model.identifiable, NO_CHAIN))
         values, gradients = solved.values, {name: solved.gradients[name] for name in solved.determined}
@@ -131,11 +135,16 @@ def _from_composites(
     covariances: Covariances,
     nuisance: Mapping[str, float],
     near: Mapping[str, float] | None,
+    known: Mapping[str, float] | None,
 ) -> tuple[PhysicalSolution | None, float]:
     """Return the best fit to the composites, None without a start, and by how much they contradict it."""
     if near is not None and np.isfinite(base).all() and all_from_composites(model):
         # they and their covariance came from physical parameters: any weights lead back to the same
         return fit_composites(model, base, np.diag(np.where(base == 0.0, 1.0, base**2)), near), 1.0
+    if known is not None:
+        found = fit_composites(model, base, covariances.noise, known)
+        if not _unsound(model, base, found):
+            return found, found.contradiction(covariances.total)
     filled = _filled(model, base, nuisance)
     starts = nearest_parameters(model, filled)
     if near is not None and not (starts and _is_start(starts[0], near)):
@@ -151,11 +160,16 @@ def _from_composites(
 
 def _astray(model: Model, base: FloatArray, covariances: Covariances, found: PhysicalSolution | None) -> bool:
     """Return whether a solution is no chain, is far from the composites, or leaves open what those do."""
-    if found is None or not _solid(model, found.values):
+    if found is None or _unsound(model, base, found):
         return True
+    return found.contradiction(covariances.total) > 1.0
+
+
+def _unsound(model: Model, base: FloatArray, found: PhysicalSolution) -> bool:
+    """Return whether a solution is no chain, or leaves open what all composites determine."""
     whole = all_from_composites(model) and bool(np.isfinite(base).all())
     lacking = whole and len(found.determined) < len(model.parameters)
-    return lacking or found.contradiction(covariances.total) > 1.0
+    return lacking or not _solid(model, found.values)
 
 
 def _best(

@@ -26,6 +26,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.physical_parameters import (
     Covariances,
+    FoundParameters,
     all_from_composites,
     physical_parameters,
 )
@@ -46,6 +47,8 @@ AS_IS = (1.0, 0.0)
 
 # Parameters as estimated with each copy's own weights, and with the average ones, shape (copies,) both.
 Pairs: TypeAlias = dict[str, tuple[FloatArray, FloatArray]]
+# All physical parameters (SI) that are known to fit an estimate's composites, by its identity.
+Fitted: TypeAlias = dict[int, Mapping[str, float]]
 
 
 @dataclass(frozen=True)
@@ -95,10 +98,10 @@ def predict(planned: Experiment) -> Predicted:
         planned.weights,
         instruments=planned.method == "iv",
     )
-    estimates = _first_copies(planned)
-    pairs = _own_and_averaged(planned.model, estimates)
+    estimates, fitted = _first_copies(planned), Fitted()
+    pairs = _own_and_averaged(planned.model, estimates, fitted)
     if len(estimates) >= FIRST_COPIES:
-        estimates, pairs = _copied(planned, estimates, pairs)
+        estimates, pairs = _copied(planned, estimates, pairs, fitted)
     return _physical(planned, found, estimates, pairs)
 
 
@@ -113,7 +116,9 @@ def _first_copies(planned: Experiment) -> list[Estimate]:
     return estimates + [estimate_once(planned, seed) for seed in range(FEW_COPIES, FIRST_COPIES)]
 
 
-def _copied(planned: Experiment, estimates: list[Estimate], pairs: Pairs) -> tuple[list[Estimate], Pairs]:
+def _copied(
+    planned: Experiment, estimates: list[Estimate], pairs: Pairs, fitted: Fitted
+) -> tuple[list[Estimate], Pairs]:
     """Return the estimates from as many noisy copies as it takes, and each parameter as in `pairs`."""
     copies = FIRST_COPIES
     while copies < WEIGHING and _factor_error(pairs, len(estimates)) > FACTOR_ERROR:
@@ -122,7 +127,7 @@ def _copied(planned: Experiment, estimates: list[Estimate], pairs: Pairs) -> tup
             with suppress(IdentifiabilityError):
                 estimates.append(estimate_once(planned, seed))
         copies *= 2
-        pairs = _own_and_averaged(planned.model, estimates)
+        pairs = _own_and_averaged(planned.model, estimates, fitted)
     return estimates, pairs
 
 
@@ -213,11 +218,12 @@ def _average_weight(estimates: Sequence[Estimate]) -> FloatArray:
     return np.asarray(np.mean([one.cov_params("noise") for one in alike], axis=0))
 
 
-def _own_and_averaged(model: Model, estimates: Sequence[Estimate]) -> Pairs:
+def _own_and_averaged(model: Model, estimates: Sequence[Estimate], fitted: Fitted) -> Pairs:
     """Return every parameter as estimated, by each one's own weights, and by the average ones instead.
 
     An estimate is weighted by its own noise, which is correlated with its error. What that changes follows
-    from the same estimates with average weights: the two are nearly equal.
+    from the same estimates with average weights: the two are nearly equal. `fitted` holds solutions with
+    other weights, and takes these.
     """
     alike = _alike(estimates)
     if len(alike) < 2:
@@ -226,12 +232,33 @@ def _own_and_averaged(model: Model, estimates: Sequence[Estimate]) -> Pairs:
     average = Covariances(weight, weight, weight, weight)
     pairs: dict[str, list[tuple[float, float]]] = {}
     for one in alike:
-        found = one.parameters
-        solved = physical_parameters(model, found.base, average, found.not_identifiable, found.nuisance)
-        for entry in solved.parameters:
+        known = fitted.get(id(one)) or _own_solution(model, one)
+        again = _physical_again(model, one, average, known)
+        if again.solution is not None:
+            fitted[id(one)] = again.solution.values
+        for entry in again.parameters:
             if entry.name in one.physical:
                 pairs.setdefault(entry.name, []).append((one.physical[entry.name], entry.value))
     return {name: (np.array(values)[:, 0], np.array(values)[:, 1]) for name, values in pairs.items()}
+
+
+def _own_solution(model: Model, one: Estimate) -> Mapping[str, float] | None:
+    """Return all physical parameters (SI) that an estimate's own weights lead to, if any."""
+    if {*model.parameters} <= {*one.physical}:
+        return one.physical
+    total, noise = one.cov_params(), one.cov_params("noise")
+    found = _physical_again(model, one, Covariances(total, noise, total - noise, noise))
+    return None if found.solution is None else found.solution.values
+
+
+def _physical_again(
+    model: Model, one: Estimate, weights: Covariances, known: Mapping[str, float] | None = None
+) -> FoundParameters:
+    """Return the physical parameters of an estimate with other weights."""
+    found = one.parameters
+    return physical_parameters(
+        model, found.base, weights, found.not_identifiable, found.nuisance, known=known
+    )
 
 
 def _effect(own: FloatArray, averaged: FloatArray) -> tuple[float, float]:

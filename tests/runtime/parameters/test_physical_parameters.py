@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from generated import emps_rigid_qm
 from modelgen.runtime.model.mechanical_parts import Role
 from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.parameters import physical_parameters as physical
 from modelgen.runtime.parameters.physical_parameters import Covariances, physical_parameters
 from tests.broken_sentences import hole
 
@@ -161,3 +162,28 @@ def test_contradictions_are_told_as_often_as_chance_has_it() -> None:
         base = np.array([6.0, 12.0, 3.0]) + spread * rng.standard_normal(3)
         told += bool(physical_parameters(model, base, Covariances(C, C, 0.0 * C, C), {}, {}).notes)
     assert told <= 3
+
+
+def test_a_solution_with_other_weights_is_the_only_start_where_it_leads_to_a_chain(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    model, base = composite_model(), np.array([2.0, 7.0, 0.66])  # J K and J / K say 3.5 and 3.03
+    total, looked = np.diag([1e-4, 1e-4, 1e-6]), list[str]()
+    for name in ("nearest_parameters", "robust_starts"):
+        search = getattr(physical, name)
+        monkeypatch.setattr(
+            physical, name, lambda *given, name=name, search=search: looked.append(name) or search(*given)
+        )
+    searched = physical_parameters(model, base, covariances(total), {}, {})
+    # they contradict each other: all starts were tried
+    assert searched.factor > 1.0
+    assert looked == ["nearest_parameters", "robust_starts"]
+    looked.clear()
+    again = physical_parameters(model, base, covariances(total), {}, {}, known={"J": 2.1, "K": 3.2})
+    assert looked == []
+    for one, other in zip(again.parameters, searched.parameters, strict=True):
+        assert one.value == pytest.approx(other.value, rel=1e-6)
+        assert one.std == pytest.approx(other.std, rel=1e-6)
+    # from there the stiffness stays below zero: no chain
+    physical_parameters(model, base, covariances(total), {}, {}, known={"J": -2.0, "K": -3.0})
+    assert "nearest_parameters" in looked
