@@ -132,7 +132,7 @@ def prepared(
     with told_on_failure(doubts), little_left(checks.hold_out):
         choice = _chosen(model, kept, filters, method)
     slow = slow_speeds(model, filters.slow_speeds)
-    said = choice.sentences + direction_sentences(sources, choice.direction_cutoff_hz)
+    said = choice.sentences + direction_sentences(model, sources, choice.direction_cutoff_hz)
     filtered, named = filters.filtered_forces, tuple(sources.items())
     choice = replace(choice, slow_speeds=slow, filtered_forces=filtered, sentences=said, directions=named)
 

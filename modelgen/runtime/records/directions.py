@@ -3,12 +3,13 @@
 A model that needs such a direction asks the record for a signal ``sign_BODY``. A record that does not bring
 it can name a source instead: another sensor that moves with the body, a reference, or the body's own
 accelerometer, integrated (the only integral in modelgen; its sign is all that is used). Without a source, a
-body with an accelerometer takes low frequencies, at which the chain moves as one, from the nearest sensor.
+body that positions and velocities give together (an encoder and a sensor of the deflection) takes that sum;
+one with an accelerometer takes low frequencies, at which the chain moves as one, from the nearest sensor.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 import numpy as np
 
@@ -22,7 +23,8 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.records.thresholds import FILTER_ORDER, MOVES_AS_ONE, RIGID
 
-# A channel, or (a sensor of another body, the accelerometer of the body itself).
+# A channel, or (a sensor of another body, the accelerometer of the body itself), or sensors that give the
+# body's motion together.
 Source = tuple[str, ...]
 BLENDED = "The direction of"  # begins the sentence about the latter
 
@@ -70,13 +72,47 @@ def direction_sources(
     `named` are those that a user gives; a `guess` is enough where instruments simulate the motion of every
     body, and `accelerated` says whether those of two sensors may be taken.
     """
-    guessed = nearest_sources(model, records, named) if guess else {}
-    known = {**named, **guessed}
+    summed = summed_sources(model, records, named)
+    guessed = nearest_sources(model, records, {**named, **summed}) if guess else {}
+    known: dict[str, Source] = {key: (channel,) for key, channel in {**named, **guessed}.items()} | summed
     felt: Mapping[str, Source] = accelerated_sources(model, records, known) if accelerated else {}
-    return guessed, {**{key: (channel,) for key, channel in known.items()}, **felt}
+    return guessed, {**known, **felt}
 
 
-def nearest_sources(model: Model, records: Sequence[Record], sources: Mapping[str, str]) -> dict[str, str]:
+def summed_sources(
+    model: Model, records: Sequence[Record], sources: Mapping[str, str]
+) -> dict[str, tuple[str, ...]]:
+    """Return sources for directions of bodies that sensors of position or velocity give together, exactly."""
+    wanted = [
+        key
+        for key in wanted_directions(model)
+        if key not in sources and any(key not in record.signals for record in records)
+    ]
+    if model.is_arm or not wanted:
+        return {}
+    shares = {key: summed_shares(model, key.removeprefix("sign_")) for key in wanted}
+    return {key: tuple(found) for key, found in shares.items() if found}
+
+
+def summed_shares(model: Model, body: str) -> dict[str, float]:
+    """Return sensors of position or velocity, with factors in SI, whose sum is a body's motion; or none."""
+    bodies = chain_matrices(model).bodies
+    directions = {one.body: 1 for one in model.friction}
+    C = model.state_space(dict.fromkeys((*model.parameters, *model.known), 1.0), directions).C
+    found = [(one, place) for place, one in enumerate(model.sensors) if one.order < 2]
+    levers = np.array([C[place, one.order * len(bodies) :][: len(bodies)] for one, place in found])
+    own = np.array([float(one == body) for one in bodies])
+    if not len(levers):
+        return {}
+    shares = np.linalg.lstsq(levers.T, own, rcond=RIGID)[0]
+    if np.max(np.abs(shares @ levers - own)) > RIGID:
+        return {}
+    limit = RIGID * np.max(np.abs(shares))
+    named = zip(found, shares.tolist(), strict=True)
+    return {one.key: share for (one, _), share in named if abs(share) > limit}
+
+
+def nearest_sources(model: Model, records: Sequence[Record], sources: Container[str]) -> dict[str, str]:
     """Return sources for the directions that records lack and `sources` does not name: the nearest sensors.
 
     Enough to begin with where instruments simulate the motion of every body; on its own it is a guess.
@@ -101,7 +137,7 @@ def nearest_sources(model: Model, records: Sequence[Record], sources: Mapping[st
 
 
 def accelerated_sources(
-    model: Model, records: Sequence[Record], sources: Mapping[str, str]
+    model: Model, records: Sequence[Record], sources: Container[str]
 ) -> dict[str, tuple[str, str]]:
     """Return the same for bodies with an accelerometer: the nearest sensor, and that.
 
@@ -135,11 +171,12 @@ def with_directions(
     model : Model
     records : sequence of Record
     sources : mapping of str to tuple of str
-        ``sign_BODY`` -> one or two channels. A position (and any channel that is no sensor of the model, such
-        as a reference position) is differentiated once; a velocity is taken as it is; an acceleration is
+        ``sign_BODY`` -> one channel or several. A position (and any channel that is no sensor of the model,
+        such as a reference position) is differentiated once; a velocity is taken as it is; an acceleration is
         integrated from rest, its mean taken off: such a record should begin and end at the same velocity. Of
         a sensor of another body and the accelerometer of the body, the rigid motion of the first counts below
-        `MOVES_AS_ONE` of the cut-off, and the integral of the second above.
+        `MOVES_AS_ONE` of the cut-off, and the integral of the second above. Other sensors give the motion of
+        the body together, as `summed_shares` says.
     cutoff_hz : float
         Low-pass in front of the sign, in Hz.
 
@@ -156,23 +193,37 @@ def with_directions(
 def _extended(model: Model, record: Record, sources: Mapping[str, Source], cutoff_hz: float) -> Record:
     if not sources:
         return record
-    speeds = {key: _velocity(model, record, source, cutoff_hz) for key, source in sources.items()}
+    speeds = {key: _speed(model, record, key, source, cutoff_hz) for key, source in sources.items()}
     return record.edited({key: np.sign(speed) for key, speed in speeds.items()})
 
 
-def direction_sentences(sources: Mapping[str, Source], cutoff_hz: float) -> tuple[str, ...]:
+def direction_sentences(model: Model, sources: Mapping[str, Source], cutoff_hz: float) -> tuple[str, ...]:
     """Say of which two sensors directions are; the cut-off for directions in Hz."""
     return tuple(
         f"{BLENDED} {key.removeprefix('sign_')} is that of {source[1]}, integrated, and below "
         f"{MOVES_AS_ONE * cutoff_hz:.4g} Hz that of {source[0]}."
         for key, source in sources.items()
-        if len(source) == 2
+        if _is_blended(model, source)
     )
 
 
 def blended_directions(sentences: Sequence[str]) -> tuple[str, ...]:
     """Return those of some sentences that `direction_sentences` made."""
     return tuple(one for one in sentences if one.startswith(BLENDED))
+
+
+def _is_blended(model: Model, source: Source) -> bool:
+    """Tell whether a source is a sensor of another body and the body's own accelerometer."""
+    return len(source) == 2 and any(one.key == source[1] and one.order == 2 for one in model.sensors)
+
+
+def _speed(model: Model, record: Record, key: str, source: Source, cutoff_hz: float) -> FloatArray:
+    """Return the velocity behind a direction, rad/s or m/s, shape (n,)."""
+    if len(source) == 1 or _is_blended(model, source):
+        return _velocity(model, record, source, cutoff_hz)
+    shares = summed_shares(model, key.removeprefix("sign_"))
+    speeds = (shares[one] * _velocity(model, record, (one,), cutoff_hz) for one in source)
+    return np.asarray(sum(speeds))
 
 
 def _velocity(model: Model, record: Record, source: Source, cutoff_hz: float) -> FloatArray:

@@ -4,17 +4,21 @@ import numpy as np
 import pytest
 
 from generated import three_mass_qa_qb_ac
+from modelgen.cli.candidates import spec_model
 from modelgen.errors import DataError
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.directions import (
     accelerated_sources,
     direction_problems,
     direction_sentences,
+    direction_sources,
     rigid_motion,
+    summed_shares,
     wanted_directions,
     with_directions,
 )
 from modelgen.runtime.records.record import Record
+from modelgen.spec.load import parse_spec
 
 MODEL = model_from_module(three_mass_qa_qb_ac)
 FS, RATE = 1000.0, 2.0 * np.pi
@@ -83,5 +87,39 @@ def test_the_direction_of_a_body_that_vibrates_on_its_spring_is_known_beside_an_
     for source in ("q_b", "a_c"):
         (alone,) = with_directions(MODEL, [one], {"sign_c": (source,)}, 100.0)
         assert np.mean(alone.signals["sign_c"][inside] == np.sign(slow + swing)[inside]) < 0.95
-    (said,) = direction_sentences({"sign_c": ("q_b", "a_c")}, 100.0)
+    (said,) = direction_sentences(MODEL, {"sign_c": ("q_b", "a_c")}, 100.0)
     assert said == "The direction of c is that of a_c, integrated, and below 10 Hz that of q_b."
+
+
+@pytest.mark.parametrize(("key", "measures"), [("q_m", "position"), ("v_m", "velocity")])
+def test_a_sensor_and_the_deflection_give_the_direction_of_the_other_end_of_a_gear(
+    key: str, measures: str
+) -> None:
+    spec = f"""
+        chain = {{ name = "joint", motion = "rotation" }}
+        bodies = [
+            {{ name = "m", inertia = "J_m", actuator = "T" }},
+            {{ name = "l", inertia = "J_l", coulomb = "F_sl" }},
+            {{ name = "e", inertia = "J_e", coulomb = "F_se" }},
+        ]
+        links = [
+            {{ bodies = ["m", "l"], stiffness = "K", damping = "D", ratio = 20.0 }},
+            {{ bodies = ["l", "e"], stiffness = "K_e", damping = "D_e" }},
+        ]
+        [sensors.s]
+        {key} = {{ body = "m", measures = "{measures}" }}
+        d = {{ deflection = ["m", "l"], measures = "position" }}
+    """
+    model = spec_model(parse_spec(spec, "joint.toml"), "s")
+    assert summed_shares(model, "l") == pytest.approx({key: 1.0 / 20.0, "d": -1.0})
+    assert summed_shares(model, "e") == {}  # no sensor of its link
+    swing, rate = 2.0 * np.sin(40.0 * RATE * TIME), 40.0 * RATE
+    motor = 20.0 * VELOCITY if measures == "velocity" else 20.0 * POSITION
+    one = Record({key: motor, "d": 2.0 * np.cos(rate * TIME) / rate, "T": VELOCITY}, FS, "run")
+    guessed, sources = direction_sources(model, [one], {"sign_e": key}, False, True)
+    assert (guessed, sources) == ({}, {"sign_l": (key, "d"), "sign_e": (key,)})
+    (extended,) = with_directions(model, [one], sources, 200.0)
+    inside = (np.abs(VELOCITY + swing) > 0.1) & (TIME > 0.1) & (TIME < 2.9)
+    np.testing.assert_array_equal(extended.signals["sign_l"][inside], np.sign(VELOCITY + swing)[inside])
+    # what the user names stays
+    assert direction_sources(model, [one], {"sign_l": key, "sign_e": key}, False, True)[1]["sign_l"] == (key,)
