@@ -49,6 +49,8 @@ CLEARLY_MOVING = 3.0
 # motor that no sensor sees: there it is the second share. Three joints in slow motion have no sign in up to a
 # half of all intervals: where only a quarter was left open, the rest bent springs by up to 56 %.
 MOST_UNCERTAIN, MOST_OPEN, NO_SIGN = 0.25, 0.6, 1.0
+# Pulses of which no more than this share is no sum of others are left open with these.
+PULSES_ALIKE = 0.05
 # Rows that leave a force open hold of a pulse, or of sums of pulses, at most half of this share of one.
 # Windows of so many points hold some dozens of pulses, and are long against one; so many at a time.
 PULSE_LEFT, PULSE_WINDOW, WINDOWS = 0.03, 128, 64

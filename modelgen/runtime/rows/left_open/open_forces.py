@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import log
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -27,18 +28,24 @@ from modelgen.runtime.rows.thresholds import (
     POWERS_APART,
     PULSE_LEFT,
     PULSE_WINDOW,
+    PULSES_ALIKE,
     TURN_TOLERANCE,
     WINDOWS,
 )
 
 
-def pulses_of(rows: RecordRows, choice: FilterChoice, orders: tuple[int, ...] = (0,)) -> FloatArray:
-    """Return derivatives of what the low-pass of rows makes of one sample of 1, (orders, 2 reach + 1).
+def pulses_of(
+    rows: RecordRows, choice: FilterChoice, orders: tuple[int, ...] = (0,), lags: Sequence[float] = (0.0,)
+) -> FloatArray:
+    """Return derivatives of what the low-pass of rows makes of one sample of 1, (pulses, 2 reach + 1).
 
-    They have no unit: all are as large as the pulse itself.
+    They have no unit: all are as large as the pulse itself. The last of the `orders` is that of positions
+    which springs give, each of which lags by D / K, one of the `lags` in s; those that are nearly sums of
+    others are left out.
     """
     filtering, every = rows.plan.filtering, (0, *orders)
     reach = support_samples(choice.filter_order, choice.cutoff_hz, filtering.fs, 0, TURN_TOLERANCE)
+    reach += round(-log(TURN_TOLERANCE) * max(abs(lag) for lag in lags) * filtering.fs)
     operator: FusedOperator = fused_operator(
         filtering.low_pass, filtering.fs, every, 1, filtering.stencil, fast=rows.plan.fast
     )
@@ -46,8 +53,26 @@ def pulses_of(rows: RecordRows, choice: FilterChoice, orders: tuple[int, ...] = 
     one = np.zeros(before + 2 * reach + 1 + behind)
     one[before + reach] = 1.0
     found = operator.apply(one, before, 2 * reach + 1).T
-    sizes = np.linalg.norm(found, axis=1)
-    return np.asarray(found[1:] * (sizes[0] / sizes[1:])[:, None])
+    size, pulses = float(np.linalg.norm(found[0])), found[1:]
+    if any(lags):
+        line = np.fft.rfft(found[-1])
+        rates = 2j * np.pi * filtering.fs * np.fft.rfftfreq(2 * reach + 1)
+        later = [np.fft.irfft(line / (1.0 + rates * lag), 2 * reach + 1) for lag in sorted(lags, key=abs)]
+        pulses = _unlike(np.array([*found[1:-1], *later]))
+    return np.asarray(size * pulses / np.linalg.norm(pulses, axis=1)[:, None])
+
+
+def _unlike(pulses: FloatArray) -> FloatArray:
+    """Return those of some pulses, shape (pulses, n), that are not nearly sums of the ones before."""
+    kept: list[int] = []
+    basis = np.zeros((0, pulses.shape[1]))
+    for place, pulse in enumerate(pulses):
+        rest = pulse - basis.T @ (basis @ pulse)
+        left = float(np.linalg.norm(rest))
+        if left > PULSES_ALIKE * float(np.linalg.norm(pulse)):
+            kept.append(place)
+            basis = np.vstack([basis, rest / left])
+    return pulses[kept]
 
 
 @dataclass(frozen=True, eq=False)

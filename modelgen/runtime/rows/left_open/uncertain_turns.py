@@ -95,7 +95,8 @@ def without_uncertain_turns(
             samples, certain = joined(lines)
             most = _most_open(samples[certain < NO_SIGN] // factor, found[k].count, measured)
             samples = least_certain(samples, certain, factor, most)
-            pulses = pulses_of(rows, choice, _felt_orders(model, found[k].row))
+            row = found[k].row
+            pulses = pulses_of(rows, choice, _felt_orders(model, row), _lags(model, row))
             forces = OpenForces(samples, pulses, rows.grid[0], factor)
             found[k] = with_open_forces(found[k], forces, STRETCH)
     return replace(observation, blocks=tuple(found))
@@ -158,6 +159,14 @@ def _felt_orders(model: Model, row: int) -> tuple[int, ...]:
     if any(kernel.places[key][0] == row for key in kernel.kernel.keys):
         highest = 2
     return tuple(dict.fromkeys((0, highest) if direction_keys(model, row) else (highest,)))
+
+
+def _lags(model: Model, row: int) -> tuple[float, ...]:
+    """Return by how many s positions that springs give in a row lag behind the force that moves them."""
+    kernel = model.kernel
+    if not isinstance(kernel, DeflectedKernel) or not _moved_by_friction(model, row):
+        return (0.0,)
+    return tuple(kernel.spring(one)[1] for one in _moving(model, row))
 
 
 def _uncertain_directions(model: Model, block: RowBlock, turns: bool) -> tuple[str, ...]:

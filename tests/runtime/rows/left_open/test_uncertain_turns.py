@@ -230,6 +230,22 @@ def test_slow_motion_turns_too_often_for_a_few_open_samples() -> None:
         assert found[name] == pytest.approx(moved.exact[name], rel=most), name
 
 
+def test_a_force_is_left_open_as_links_lag_behind_it() -> None:
+    """Springs with eight times the damping: taken to move links at once, it left seven times as much."""
+    sensors = (*both(), ("1", "link", "velocity"), ("2", "link", "velocity"))
+    damped = {"Fs_1": 4.0, "Fs_2": 4.0, "D_1": 8.0, "D_2": 8.0}
+    moved = slow_motion(sensors, damped, JointLimits(None, 3.0, 100.0))
+    record = Record({key: one[:4000] for key, one in moved.read.items()}, 1000.0, "slow")
+    truth = np.array([moved.exact[name] for name in moved.model.base_parameters])
+    assert isinstance(moved.model.kernel, DeflectedKernel)
+    model = replace(moved.model, kernel=moved.model.kernel.at(truth, sampled=True))
+    choice = choose_filter(model, [record], cutoff_hz=20.0)
+    rows = observe(model, [record], choice)
+    opened = without_uncertain_turns(rows, model, [record], choice, 0)
+    for before, after in zip(rows.blocks, opened.blocks, strict=True):
+        assert np.std(before.residual(truth)) > 50.0 * np.std(after.residual(truth)), before.row_name
+
+
 def test_rows_without_samples_that_feel_reversals_stay_as_they_are() -> None:
     model, record = models()[1], periodic_on_both()
     choice = choose_filter(model, [record], cutoff_hz=CUTOFF_HZ)
