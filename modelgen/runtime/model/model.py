@@ -26,6 +26,7 @@ from modelgen.runtime.model.contract_check import is_arm, module_problems
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.mechanical_parts import Actuator, CubicSpring, Friction, Role, RowInfo
 from modelgen.runtime.model.module_file import execute_file, execute_text
+from modelgen.runtime.numerics.rational_functions import RationalFunctions, rational_functions
 
 # (coefficient, signal or feature key) pairs to be summed; the key "1" is the constant
 Terms = tuple[tuple[float, str], ...]
@@ -164,12 +165,20 @@ class Model:
         """Return the regressor D, shape (N, rows, columns)."""
         return cast(FloatArray, self.module.regressor(signals))
 
+    @cached_property
+    def _table(self) -> RationalFunctions | None:
+        return (
+            rational_functions(self.module.base_from_physical, self.parameters) if self.composites else None
+        )
+
     def base_from_physical(self, parameters: Mapping[str, float]) -> FloatArray:
         """Return the base parameters, shape (columns,), from physical ones (name to value, SI).
 
         Raises IdentifiabilityError where a composite divides by one that is zero.
         """
         try:
+            if self._table is not None and parameters.keys() == self._table.names:
+                return self._table.values(parameters)
             return cast(FloatArray, self.module.base_from_physical(parameters))
         except ZeroDivisionError:
             zero = ", ".join(name for name, value in parameters.items() if value == 0.0)
@@ -178,17 +187,9 @@ class Model:
 
     def base_jacobian(self, parameters: Mapping[str, float]) -> FloatArray:
         """Return d base / d parameters, shape (columns, parameters), at physical parameters (SI)."""
+        if self._table is not None and parameters.keys() == self._table.names and all(parameters.values()):
+            return self._table.slopes(parameters)
         return cast(FloatArray, self.module.base_jacobian(parameters))
-
-    def fit_physical(self, base: FloatArray, start: FloatArray) -> tuple[dict[str, float], float]:
-        """Return parameters that give the base parameters, and the misfit; models with composites only.
-
-        `start`, shape (parameters,), holds logarithms of the parameters (area sines for offsets).
-        """
-        try:
-            return cast(tuple[dict[str, float], float], self.module.fit_physical(base, start))
-        except np.linalg.LinAlgError:
-            return dict.fromkeys(self.parameters, np.nan), np.inf
 
     def physical_from_base(self, base: npt.ArrayLike) -> dict[str, float]:
         """Return the identifiable physical parameters (name to value, SI) from the base ones, shape (c,), SI.

@@ -23,9 +23,11 @@ from modelgen.runtime.parameters.grouped_reasons import parameters_in
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.rounded import with_interval
 from modelgen.runtime.parameters.thresholds import (
+    GROWN_BY_DIGITS,
     HIGHEST_INDEX,
     KNOWN_SHARE,
     LARGEST_INDEX,
+    MOST_DIGITS,
     PIVOT_SHARE,
     SMALLEST_SHARE,
     VARIANCE_SHARE,
@@ -46,7 +48,7 @@ class ParameterSum:
     @property
     def text(self) -> str:
         """The sum as one writes it, "J_c + 0.3 F_vc"."""
-        sizes = ((c < 0.0, f"{abs(c):.2g} {name}".removeprefix("1 ")) for c, name in self.terms)
+        sizes = ((c < 0.0, f"{abs(c):.{MOST_DIGITS}g} {name}".removeprefix("1 ")) for c, name in self.terms)
         return signed_sum(sizes)
 
     @property
@@ -202,13 +204,27 @@ def _dependence(
                 gradient[columns[p]] = -float(row[k]) * scale[columns[p]] / scale[column]
         # as one writes it: in the model's order, the first without a factor
         gradient /= gradient[np.flatnonzero(gradient)[0]]
+        gradient = _in_few_digits(gradient, covariance)
         terms = tuple((float(gradient[place]), fit.columns[place]) for place in np.flatnonzero(gradient))
-        variance = float(gradient @ covariance @ gradient)
         combinations.append(
-            ParameterSum(terms, float(gradient @ fit.solution.x), float(np.sqrt(max(variance, 0.0))))
+            ParameterSum(terms, float(gradient @ fit.solution.x), _deviation(gradient, covariance))
         )
     names = tuple(fit.columns[int(column)] for column in columns)
     return Dependence(names, index, tuple(combinations))
+
+
+def _in_few_digits(gradient: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return factors of as few digits as leave the sum as well known: value and text are then of one sum."""
+    limit = GROWN_BY_DIGITS * _deviation(gradient, covariance)
+    for digits in range(2, MOST_DIGITS):
+        rounded = np.array([float(f"{factor:.{digits}g}") for factor in gradient])
+        if _deviation(rounded, covariance) <= limit:
+            return rounded
+    return np.array([float(f"{factor:.{MOST_DIGITS}g}") for factor in gradient])
+
+
+def _deviation(gradient: FloatArray, covariance: FloatArray) -> float:
+    return float(np.sqrt(max(float(gradient @ covariance @ gradient), 0.0)))
 
 
 def joined(words: Sequence[str]) -> str:

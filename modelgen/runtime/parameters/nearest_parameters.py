@@ -8,6 +8,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.composite_descent import CompositeDescent
 from modelgen.runtime.parameters.thresholds import (
     DIFFERENT,
     EXACT,
@@ -28,11 +29,12 @@ def nearest_parameters(model: Model, base: FloatArray) -> tuple[Mapping[str, flo
     may be none.
     """
     rng = np.random.default_rng(SEED)
+    descent = CompositeDescent(model, base)
     found: list[tuple[float, Mapping[str, float]]] = []
     for attempt in range(NEAREST_STARTS):
         # not from one value for all: that may be where a denominator is zero
         spread = NEAREST_SPREADS[min(attempt, 1)]
-        values, misfit = model.fit_physical(base, rng.normal(0.0, spread, len(model.parameters)))
+        values, misfit = descent.nearest(rng.normal(0.0, spread, len(model.parameters)))
         if not np.isfinite([misfit, *values.values()]).all():
             continue
         least = min((one[0] for one in found), default=np.inf)

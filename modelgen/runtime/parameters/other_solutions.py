@@ -9,6 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.composite_descent import CompositeDescent
 from modelgen.runtime.parameters.composite_fit import fit_composites
 from modelgen.runtime.parameters.nearest_parameters import alike
 from modelgen.runtime.parameters.parameter import Parameter
@@ -47,10 +48,10 @@ def other_solutions(
     if list(reported) != list(model.parameters):
         return ()
     limit = fit_composites(model, base, covariances.noise, reported).misfit + AS_GOOD
-    rng = np.random.default_rng(SEED)
+    rng, descent = np.random.default_rng(SEED), CompositeDescent(model, base)
     found: list[Mapping[str, float]] = []
     for _ in range(STARTS):
-        start, _ = model.fit_physical(base, _near(reported, rng))
+        start, _ = descent.nearest(_near(reported, rng))
         solved = fit_composites(model, base, covariances.noise, start)
         values = {name: solved.values[name] for name in reported}
         new = not any(alike(values, other) for other in [reported, *found])
@@ -88,7 +89,7 @@ def solution_notes(others: Sequence[Mapping[str, float]]) -> tuple[str, ...]:
 
 
 def _near(values: Mapping[str, float], rng: np.random.Generator) -> FloatArray:
-    """Return a start in the logarithms that `fit_physical` works in, around the values reported."""
+    """Return a start in the logarithms of `CompositeDescent`, around the values reported."""
     magnitude = np.log(np.maximum(np.abs(np.array(list(values.values()))), 1e-30))
     return np.asarray(magnitude + rng.normal(0.0, SPREAD, len(values)))
 

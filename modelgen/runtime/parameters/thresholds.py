@@ -19,6 +19,9 @@ VARIANCE_SHARE = 0.5
 SMALLEST_SHARE = 0.05
 # The parameter that the others are combined with is the first one of at least this share in a direction.
 PIVOT_SHARE = 0.3
+# Factors of a sum are rounded to as many digits as let its standard deviation grow by no more than this, and
+# to so many at most.
+GROWN_BY_DIGITS, MOST_DIGITS = 1.2, 8
 # A sum of parameters without numbers of their own is given where its interval is within this share of it.
 KNOWN_SHARE = 0.3
 # Beyond this the columns are as good as equal, and no variance can be worked out from them.
@@ -48,6 +51,8 @@ OPTIMISM, LEAST_SHARE = 100.0, 0.01
 ROBUST_DAMPING = 1e-3
 ROBUST_STEPS = 60
 LARGEST_LOG_STEP = 3.0
+# With this share every relative error counts as in least squares.
+ANY_SHARE = 1e3
 
 # Composites that their own fit misses with less than this probability contradict each other beyond noise.
 CONTRADICTION = 1e-3

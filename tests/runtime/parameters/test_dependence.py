@@ -60,6 +60,26 @@ def test_two_columns_that_move_together_are_seen_as_their_sum() -> None:
     assert found.text.endswith("is seen")
 
 
+@pytest.mark.parametrize("noise", [0.1, 1e-4])
+def test_value_and_deviation_are_those_of_the_sum_as_printed(noise: float) -> None:
+    W = columns()
+    # a factor that two digits take for one
+    W[:, 4] = 1.018 * W[:, 3] + 3e-4 * W[:, 4]
+    fit = fit_of(W, noise)
+    covariance = hac_covariance(fit)
+    (found,) = dependences(fit, covariance)
+    (seen,) = found.combinations
+    first, second = seen.text.split(" + ")
+    printed = np.zeros(6)
+    for term in (first, second):
+        factor, name = term.rsplit(" ", 1) if " " in term else ("1", term)
+        printed[COLUMNS.index(name)] = float(factor)
+    assert seen.value == pytest.approx(printed @ fit.solution.x, rel=1e-12)
+    assert seen.std == pytest.approx(np.sqrt(printed @ covariance @ printed), rel=1e-9)
+    spread = np.sqrt(np.diag(covariance))
+    assert seen.std < 0.01 * spread[3]
+
+
 def test_exact_dependence_of_three_columns_leaves_two_combinations() -> None:
     W = columns()
     W[:, 5] = W[:, 0] - 2.0 * W[:, 1]

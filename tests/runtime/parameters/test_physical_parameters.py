@@ -35,11 +35,7 @@ def composite_model() -> Model:
     def jacobian(p: Mapping[str, float]) -> np.ndarray:
         return np.array([[1.0, 0.0], [p["K"], p["J"]], [1.0 / p["K"], -p["J"] / p["K"] ** 2]])
 
-    def near(b: np.ndarray, start: np.ndarray) -> tuple[dict[str, float], float]:
-        # a crude one, as any is for data that contradict each other
-        return {"J": abs(float(b[0])) or 1.0, "K": 1.0}, 1.0
-
-    module = SimpleNamespace(base_from_physical=base, base_jacobian=jacobian, fit_physical=near)
+    module = SimpleNamespace(base_from_physical=base, base_jacobian=jacobian)
     return replace(
         model_from_module(emps_rigid_qm),
         module=module,
