@@ -19,7 +19,7 @@ import numpy as np
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filters.block_numpy import product
 from modelgen.runtime.least_squares.thresholds import LEAST_POWER, SAMPLES_A_COEFFICIENT, WHITENING_ORDER
-from modelgen.runtime.rows.row_block import runs_of
+from modelgen.runtime.rows.row_block import run_edges
 
 # Samples that are foretold by one product, and by so many at a time, which stay in the processor's cache.
 BLOCK, PART = 64, 1 << 12
@@ -52,16 +52,21 @@ class Whitener:
         The first samples after a gap are predicted from the fewer that there are.
         """
         order, white, roots = self.order, np.empty(samples.shape), np.sqrt(self.variances)
-        for run in runs_of(place):
-            if not len(run):
-                continue
-            one = slice(int(run[0]), int(run[-1]) + 1)
-            x, y, few = samples[one], white[one], min(order, len(run))
-            begun = x[:few] - self._begun[:few, :few] @ x[:few]
-            y[:few] = (begun.T / roots[:few]).T
-            for begin in range(order, len(run), PART):
-                part = slice(begin, begin + PART)
-                y[part] = (x[part] - self._foretold(x[begin - order : begin + PART])) / roots[order]
+        for begin in range(order, len(samples), PART):
+            part = slice(begin, begin + PART)
+            white[part] = samples[part] - self._foretold(samples[begin - order : begin + PART])
+            white[part] /= roots[order]
+        if not order or not len(samples):
+            return white
+        edges = run_edges(place)
+        starts, lengths = edges[:-1], np.diff(edges)
+        # the first samples of all runs together: each is predicted from those before it
+        first = np.arange(order)
+        at = np.minimum(starts[:, None] + first, len(samples) - 1)
+        x = samples[at].reshape(*at.shape, -1)
+        begun = (x - self._begun @ x) / roots[:order, None]
+        held = first < lengths[:, None]
+        white[at[held]] = begun[held].reshape(-1, *samples.shape[1:])
         return white
 
     @cached_property
@@ -75,9 +80,8 @@ class Whitener:
     @cached_property
     def _table(self) -> FloatArray:
         """What a block and the `order` samples before it foretell of it, shape (order + BLOCK, BLOCK)."""
-        found = np.zeros((self.order + BLOCK, BLOCK))
-        for place in range(BLOCK):
-            found[place : place + self.order, place] = self.predictors[self.order][::-1]
+        found, place = np.zeros((self.order + BLOCK, BLOCK)), np.arange(BLOCK)
+        found[np.arange(self.order)[:, None] + place, place] = self.predictors[self.order][::-1, None]
         return found
 
     def _foretold(self, x: FloatArray) -> FloatArray:
@@ -144,8 +148,7 @@ def whitener(
     Burg's method over all stretches together (de Waele and Broersen 2000): sums of products would lose the
     more at every lag, the shorter the stretches are, and leave colour where reversals cut a record to pieces.
     """
-    runs = [run for place in places for run in runs_of(place)]
-    lengths = np.array([len(run) for run in runs])
+    lengths = np.concatenate([np.diff(run_edges(place)) for place in places])
     longest, count = int(lengths.max()), sum(len(e) for e in residuals)
     order = max(0, min(most, count // SAMPLES_A_COEFFICIENT, longest - 1))
     power = sum(float(e @ e) for e in residuals)
@@ -168,7 +171,9 @@ def whitener(
         both = float(forward @ forward + backward @ backward)
         reflection = 2.0 * crossed / (both + LEAST_POWER * power)
         forward, backward = forward - reflection * backward, backward - reflection * forward
-        predictor = np.append(predictor - reflection * predictor[::-1], reflection)
+        longer = np.empty(known)
+        longer[:-1], longer[-1] = predictor - reflection * predictor[::-1], reflection
+        predictor = longer
         variance *= 1.0 - reflection**2
         predictors.append(predictor)
         variances.append(variance)

@@ -186,7 +186,7 @@ class RowBlock:
         """Return the longest stretch without a gap, or so many of its first samples."""
         if not len(self.place):
             return self.between(0, 0)
-        edges = _run_edges(self.place)
+        edges = run_edges(self.place)
         longest = int(np.argmax(np.diff(edges)))
         first = int(self.place[edges[longest]])
         return self.between(first, first + min(int(edges[longest + 1] - edges[longest]), most))
@@ -289,10 +289,10 @@ class DrawnBlock(RowBlock):
 
 def runs_of(place: IntArray) -> list[IntArray]:
     """Return the indices of samples that are neighbours on the grid, gap by gap; `place` has shape (n,)."""
-    return np.split(np.arange(len(place)), _run_edges(place)[1:-1])
+    return np.split(np.arange(len(place)), run_edges(place)[1:-1])
 
 
-def _run_edges(place: IntArray) -> IntArray:
+def run_edges(place: IntArray) -> IntArray:
     """Return where runs of neighbours begin among places of a grid, shape (n,), and last n."""
     # most rows leave nothing out: what stands between places is as long as these
     whole = len(place) == 0 or int(place[-1]) - int(place[0]) + 1 == len(place)

@@ -19,14 +19,14 @@ from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.plant import Plant, felt_accelerations
 from modelgen.runtime.stick_slip.compiled_steps import Sampling, follow_controller
 from modelgen.runtime.stick_slip.exact_steps import integrate
-from modelgen.runtime.stick_slip.hybrid_system import Event, Flow, refinement
+from modelgen.runtime.stick_slip.hybrid_system import Flow, Trajectory, refinement
 from modelgen.runtime.stick_slip.linear_mode import FrictionSystem, Mode
 from modelgen.runtime.stick_slip.sampled_controller import follow_ticks
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """States, shape (N, 2 bodies), modes, shape (N, sticking), and the forces that drove them.
+    """States, shape (N, 2 bodies), modes, shape (N, sticking), their path, and the forces that drove them.
 
     `forces` holds those of all actuators, shape (N, columns of B); `command` is what the controller asks for,
     shape (N,).
@@ -34,7 +34,7 @@ class Motion:
 
     states: FloatArray
     modes: npt.NDArray[np.int8]
-    events: tuple[Event, ...]
+    path: Trajectory
     forces: FloatArray
     command: FloatArray
 
@@ -97,7 +97,7 @@ class ContinuousLoop:
         command = controller.kp * (r - q) + controller.kv * (r_rate - v) + feedforward
         lags = path.states.shape[1] > 2 * n
         forces = _forces(plant, path.states[:, -1] if lags else command, further, oversample)
-        return Motion(x, path.modes, path.events, forces, command)
+        return Motion(x, path.modes, path, forces, command)
 
 
 def _sampled(
@@ -143,7 +143,7 @@ def _sampled(
     command = commands[k // sampling.per_tick]
     held = np.where(k >= delay, commands[np.maximum(k - delay, 0) // sampling.per_tick], 0.0)
     forces = _forces(plant, path.states[:, -1] if drive.lags else held, further, oversample)
-    return Motion(path.states[:, : 2 * n], path.modes, path.events, forces, command)
+    return Motion(path.states[:, : 2 * n], path.modes, path, forces, command)
 
 
 def _further(plant: Plant, excitation: Excitation) -> dict[int, FloatArray]:

@@ -173,7 +173,7 @@ def simulate(
     levels = (settings.noise, settings.resolution, settings.seed, settings.bias)
     measured = readings(model, true, *levels, excitation.name)
     record = Record(measured, settings.fs, excitation.name, excitation.name)
-    changes = tuple(_mode_change(plant, event) for event in motion.events)
+    changes = tuple(_mode_change(plant, event) for event in motion.path.events)
     return Simulation(record, MappingProxyType(true), excitation, changes, settings)
 
 

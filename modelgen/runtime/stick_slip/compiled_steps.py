@@ -21,7 +21,7 @@ from modelgen.errors import DataError
 from modelgen.runtime.numerics.numba_support import kept_code
 from modelgen.runtime.stick_slip.event_free_kernel import LANES
 from modelgen.runtime.stick_slip.event_kernel import EVENTS_FULL, TOO_MANY, UNBOUNDED, run
-from modelgen.runtime.stick_slip.hybrid_system import Event, Flow, Trajectory, too_many_events, unbounded
+from modelgen.runtime.stick_slip.hybrid_system import Flow, Trajectory, too_many_events, unbounded
 from modelgen.runtime.stick_slip.linear_mode import FrictionSystem, Mode, ModeMotion
 
 # All modes are tabulated in advance, three a body; with more bodies with friction the table is too large.
@@ -139,9 +139,7 @@ def _run(
         raise unbounded((k + 1) * flow.step_s)
     if status == TOO_MANY:
         raise too_many_events((k + 1) * flow.step_s)
-    times_s = (events[:count, 0] * flow.step_s).tolist()
-    found = map(Event, times_s, *events[:count, 1:].T.astype(int).tolist())
-    return Trajectory(states, modes, tuple(found)), commands
+    return Trajectory(states, modes, events[:count] * (flow.step_s, 1.0, 1.0)), commands
 
 
 @lru_cache(maxsize=4)

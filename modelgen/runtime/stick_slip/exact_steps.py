@@ -75,7 +75,7 @@ def integrate(
         k, x, mode, found = to_next_event(flow, k, x, mode, w, stride, states, modes)
         events += found
         block = FIRST_BLOCK if found else min(2 * block, LARGEST_BLOCK)
-    return Trajectory(states / flow.scale, modes, tuple(events))
+    return Trajectory(states / flow.scale, modes, np.reshape(events, (-1, 3)).astype(float))
 
 
 @lru_cache(maxsize=2)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -34,11 +35,20 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """States, shape (N, states), and modes, shape (N, bodies), at every `stride`-th step; all events."""
+    """States, shape (N, states), in SI, and modes, shape (N, bodies), at every `stride`-th step.
+
+    `changes` are all events: time in s, body, mode, shape (events, 3).
+    """
 
     states: FloatArray
     modes: npt.NDArray[np.int8]
-    events: tuple[Event, ...]
+    changes: FloatArray
+
+    @cached_property
+    def events(self) -> tuple[Event, ...]:
+        """The changes of mode, in their order; thousands, where noise moves a body about rest."""
+        times_s, *numbers = self.changes.T
+        return tuple(map(Event, times_s.tolist(), *(one.astype(int).tolist() for one in numbers)))
 
 
 def refinement(system: FrictionSystem, step_s: float) -> int:

@@ -70,7 +70,7 @@ def follow_ticks(
             w = np.column_stack((np.full(len(w), held), w))
             k, x, mode, found = to_next_event(flow, k, x, mode, w, stride, states, modes)
             events += found
-    return Trajectory(states / flow.scale, modes, tuple(events)), commands
+    return Trajectory(states / flow.scale, modes, np.reshape(events, (-1, 3)).astype(float)), commands
 
 
 def _changes(sampling: Sampling, steps: int) -> list[int]:

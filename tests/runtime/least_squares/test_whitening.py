@@ -89,3 +89,19 @@ def test_blocks_and_stretches_at_once_give_the_sums_over_lags(
             left = samples[first + k] - found.predictors[known] @ lags
             assert white[first + k] == pytest.approx(left / np.sqrt(found.variances[known]), rel=1e-9)
         first += len(stretch)
+
+
+def test_stretches_are_whitened_together_as_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    series = lfilter([1.0], [1.0, -1.2, 0.5], RNG.standard_normal((2000, 3)), axis=0)
+    # 200 stretches of which some are shorter than the order
+    place = np.arange(2000) + np.searchsorted(np.sort(RNG.choice(2000, 200, replace=False)), np.arange(2000))
+    found, calls = whitener([series[:, 0]], [place]), list[int]()
+    product = whitening.product
+    monkeypatch.setattr(whitening, "product", lambda *given: calls.append(1) or product(*given))
+    white = found(series, place)
+    # the time of a product is that of its call, where stretches are short
+    assert len(calls) == 1
+    for run in np.split(np.arange(2000), np.flatnonzero(np.diff(place) > 1) + 1):
+        np.testing.assert_allclose(
+            white[run], found(series[run], np.arange(len(run))), rtol=1e-12, atol=1e-12
+        )

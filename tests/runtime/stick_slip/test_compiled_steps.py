@@ -17,7 +17,9 @@ from modelgen.runtime.simulation.plant import make_plant
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.runtime.stick_slip import compiled_steps as stepping
 from modelgen.runtime.stick_slip import event_kernel as step_kernel
+from modelgen.runtime.stick_slip import hybrid_system
 from modelgen.runtime.stick_slip.exact_steps import integrate
+from modelgen.runtime.stick_slip.hybrid_system import Event
 from modelgen.runtime.stick_slip.linear_mode import CoulombBody, CubicForce, FrictionSystem
 
 EMPS = model_from_module(emps300_qm_qc)
@@ -153,3 +155,15 @@ def test_numba_that_does_not_go_with_other_packages_is_left_out(monkeypatch: pyt
     stepping.has_numba.cache_clear()
     assert not stepping.can_compile(loop_of("table_2"))
     stepping.has_numba.cache_clear()
+
+
+def test_events_are_listed_for_who_asks_for_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    # thousands, where noise moves a body about rest: simulations for instruments ask for none
+    made = list[Event]()
+    monkeypatch.setattr(hybrid_system, "Event", lambda *given: made.append(Event(*given)) or made[-1])
+    path = integrate(
+        loop_of("table_1"), np.zeros(4), 0.3 * np.sin(np.arange(4000) * STEP * 20.0)[:, None], STEP
+    )
+    assert made == []
+    assert list(path.events) == made
+    assert len(made) > 1

@@ -106,7 +106,7 @@ def test_a_force_behind_a_lag_is_told_from_the_motor_alone() -> None:
     assert found.physical["J_m"] == pytest.approx(KNOWN["J_m"], rel=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(begins="first")
 def test_a_sensor_that_is_late_is_found_with_physical_parameters() -> None:
     """Rows of an accelerometer and a motor's encoder hold composites of more parameters than they have."""
     chain = TWO.replace('inertia = "J_c"', 'inertia = "J_c"\nviscous = "F_vc"')
