@@ -101,6 +101,29 @@ class GaussNewtonStep:
         return spread
 
 
+def possible_solution(step: GaussNewtonStep, model: Model, p: FloatArray) -> FloatArray:
+    """Return the solution of a step from p, (parameters,), without Coulomb friction that cannot be; (c,).
+
+    Bodies that turn together differ in what filters leave of masked samples. A step may take a hundred times
+    the friction from the one and give it to the other, and no simulation returns from there. Where one whose
+    deviation is larger than itself would be negative, sums of frictions that are known to less than their
+    size stay what they are, and the others are those of least squares beside that.
+    """
+    x, spread = step.x, step.spread
+    dry = [model.parameters.index(name) for name, one in model.roles.items() if one.role == "coulomb"]
+    dry = [place for place in dry if p[place] and spread[place] > 0.0]
+    if not any(x[place] < 0.0 and spread[place] > abs(p[place]) for place in dry):
+        return x
+    covariance, free = np.zeros((len(x),) * 2), step.free
+    covariance[np.ix_(free, free)] = hac_covariance(step.white)
+    size = np.abs(p[dry])
+    variances, sums = np.linalg.eigh(covariance[np.ix_(dry, dry)] / np.outer(size, size))
+    held = np.zeros((int(np.count_nonzero(variances > 1.0)), len(x)))
+    held[:, dry] = sums[:, variances > 1.0].T / size
+    gain = np.linalg.lstsq(held @ covariance @ held.T, held @ covariance, rcond=None)[0].T
+    return np.asarray(x - gain @ (held[:, : len(p)] @ (x[: len(p)] - p)))
+
+
 def step_from(
     setting: Setting, plain: Fit, now: Unknowns, rules: Rules, white: bool = True
 ) -> GaussNewtonStep:

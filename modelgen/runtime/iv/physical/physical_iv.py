@@ -22,7 +22,13 @@ from modelgen.runtime.iv.divergence import diverged
 from modelgen.runtime.iv.freed_effects import refuse_far
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.physical.friction_rows import adds_friction
-from modelgen.runtime.iv.physical.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
+from modelgen.runtime.iv.physical.gauss_newton_step import (
+    Rules,
+    Unknowns,
+    in_base_columns,
+    possible_solution,
+    step_from,
+)
 from modelgen.runtime.iv.physical.starting_values import vanished_names
 from modelgen.runtime.iv.thresholds import (
     COMPOSITE_MOVE,
@@ -148,7 +154,7 @@ def fit_physical_iv(
         except IdentifiabilityError as error:
             _refuse_led_away(_led_away(model, now.p, first, rules, MANY_TIMES))
             raise error
-        x, spread = step.x, step.spread
+        x, spread = possible_solution(step, model, now.p), step.spread
         move = np.r_[x[:c] - now.p, x[c:]]
         if not np.all(np.isfinite(move)):
             raise diverged("its estimate is not finite", plain, model)
