@@ -260,8 +260,8 @@ def _triangle(rows: Sequence[RowTriangle], weights: Sequence[float], columns: in
 
 
 def _rms(rows: Sequence[RowTriangle], x: FloatArray) -> list[float]:
-    """Return the rms of each row's residual."""
-    return [row.residual_norm(x) / float(np.sqrt(row.count)) for row in rows]
+    """Return the rms of each row's residual, over what is left of its samples where forces are open."""
+    return [row.residual_norm(x) / float(np.sqrt(max(row.count - row.opened, 1.0))) for row in rows]
 
 
 def _force_scales(blocks: Sequence[RowTriangle]) -> list[float]:

@@ -105,17 +105,8 @@ class RowBlock:
     def summary(self) -> RowTriangle:
         """All that weights, and sizes of residuals and terms, ask of the rows."""
         triangle = tall_triangle(self.W, self.Y)
-        return RowTriangle(
-            self.record,
-            self.row,
-            self.count,
-            self.grid,
-            self.has_force,
-            self.force_scale,
-            triangle,
-            self.touched,
-            self.by_gain,
-        )
+        own = self.record, self.row, self.count, self.grid, self.has_force, self.force_scale
+        return RowTriangle(*own, triangle, self.touched, self.by_gain, self.opened)
 
     @property
     def triangle(self) -> FloatArray:

@@ -42,6 +42,8 @@ class RowTriangle:
         Samples used.
     triangle : array, shape (k + 2, k + 2)
         R of [1 W Y], W of k columns.
+    opened : float
+        Directions of which nothing is left where forces are open.
     """
 
     record: int
@@ -53,6 +55,7 @@ class RowTriangle:
     triangle: FloatArray
     touched: IntArray | None = None
     by_gain: bool = False
+    opened: float = 0.0
 
     @property
     def summary(self) -> RowTriangle:

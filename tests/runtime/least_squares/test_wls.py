@@ -146,3 +146,14 @@ def test_refit_keeps_rows_and_weights() -> None:
 def test_terms_norm_ignores_what_is_constant() -> None:
     W = np.column_stack([np.full(4, 1e6), [1.0, -1.0, 1.0, -1.0]])
     assert block(W, np.ones(4)).terms_norm(np.array([1.0, 3.0])) == pytest.approx(6.0)
+
+
+def test_directions_that_are_gone_do_not_make_a_block_less_noisy() -> None:
+    """Rows that leave forces open leave nothing of noise along these: they had counted twice as much."""
+    rng = np.random.default_rng(5)
+    x, W = np.array([1.0, -2.0]), rng.standard_normal((2, 400, 2))
+    Y = W @ x + 0.1 * rng.standard_normal((2, 400))
+    W[0, :300], Y[0, :300] = 0.0, 0.0
+    blocks = (replace(block(W[0], Y[0]), opened=300.0), block(W[1], Y[1], row=1))
+    fit = fit_matched(Observation(("a", "b"), blocks))
+    assert fit.weights[0] / fit.weights[1] == pytest.approx(1.0, rel=0.1)

@@ -235,7 +235,7 @@ def with_open_forces(block: RowBlock, forces: OpenForces, stretch: int) -> RowBl
         taken += forces.directions(part.place)
         if len(triangles) == AT_A_TIME:
             triangles = [triangle_of(np.concatenate(triangles))]
-    summary = replace(block.summary, triangle=triangle_of(np.concatenate(triangles)))
+    summary = replace(block.summary, triangle=triangle_of(np.concatenate(triangles)), opened=taken)
     inside = range(summary.triangle.shape[1] - 2)
     return DrawnBlock(
         opened, inside, vars(block) | {"summary": summary, "opened": taken, "opening": forces, "whole": None}
