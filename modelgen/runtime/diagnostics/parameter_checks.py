@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -17,14 +17,12 @@ from modelgen.runtime.diagnostics.thresholds import (
     NEGLIGIBLE,
     NULL_SHARE,
     SIGNIFICANT_MOVE,
-    ZERO_LIKELY,
 )
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import SignalToNoise
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.numerics.tails import chi_square_tail
 from modelgen.runtime.parameters.bounds import negative_parameters
 from modelgen.runtime.parameters.parameter import Parameter, may_be_zero
 from modelgen.runtime.records.record import Record
@@ -132,48 +130,6 @@ def null_columns(fit: Fit, model: Model, records: Sequence[Record], choice: Filt
             name = model.base_parameters[column]
             found.setdefault(name, f"{what}: a channel is not what the model means (sign, unit, faults)")
     return found
-
-
-def zero_columns(
-    fit: Fit, model: Model, drift: FloatArray | float = 0.0, lost: Container[str] = ()
-) -> dict[str, str]:
-    """Return the columns of rows without a force that are zero within their intervals, with the reason.
-
-    Zero solves such a row, too: it leaves nothing there, weighs the more for it, and decides what other rows
-    have in common with it. A body without inertia that nothing moves is none. Rows that share a column
-    with it have taken over what is missing: the inertia of one body is then that of both. `drift`, in SI,
-    shape (c, c), is what moves the estimate besides, squared; values of columns that are `lost` say nothing.
-    """
-    forced = {block.row for block in fit.blocks if block.has_force}
-    unforced = {block.row: block.row_name for block in fit.blocks if block.row not in forced}
-    if not unforced:
-        return {}
-    covariance = hac_covariance(fit) + drift
-    found, shared = dict[str, str](), dict[str, str]()
-    for row, row_name in unforced.items():
-        names = [model.base_parameters[column] for column in model.regressor_columns[row]]
-        there = [name for name in names if name in fit.columns]
-        at = [fit.columns.index(name) for name in there if name not in lost]
-        far = _from_zero(fit.solution.x[at], covariance[np.ix_(at, at)]) if at else 0.0
-        if not there or (at and chi_square_tail(far, len(at)) < ZERO_LIKELY):
-            continue
-        why = f"row {row_name} has no force, and zero solves it as well: "
-        why += "noise of the sensors hides its motion"
-        found |= dict.fromkeys(names, why)
-        beside = [own for own in model.regressor_columns if {*own} & {*model.regressor_columns[row]}]
-        taken = f"takes over what is lost where {why}"
-        shared |= {model.base_parameters[column]: taken for own in beside for column in own}
-    return {name: why for name, why in shared.items() if name in fit.columns} | found
-
-
-def _from_zero(values: FloatArray, covariance: FloatArray) -> float:
-    """Return the squared distance of values from zero in standard deviations (Wald); shapes (n,), (n, n)."""
-    deviation = np.sqrt(np.maximum(np.diag(covariance), float(np.finfo(float).tiny)))
-    variances, directions = np.linalg.eigh(covariance / np.outer(deviation, deviation))
-    # what rounding has left of a variance is no distance
-    known = variances > len(values) * float(np.finfo(float).eps)
-    moved = directions.T @ (values / deviation)
-    return float(np.sum(moved[known] ** 2 / variances[known]))
 
 
 def _drowned(fit: Fit, index: int, model: Model, record: Record, choice: FilterChoice) -> bool:

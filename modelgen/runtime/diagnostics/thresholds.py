@@ -54,6 +54,8 @@ ZERO_LIKELY = 0.05
 WITHIN_INTERVAL = 0.05
 # A residual below this multiple of what noise of the sensors gives its row is noise.
 LARGEST_NOISE = 1.5
+# One from this multiple on is none, whatever a sensor's noise is like: stick and slip leaves up to four.
+NO_NOISE = 6.0
 # Friction in vibration counts where it is so many times what the model, beyond noise, leaves of its rows.
 FRICTION_OVER_REST = 3.0
 # Where what encoders round is so many times the white floors in a row, it has a colour of its own.

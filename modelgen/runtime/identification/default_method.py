@@ -11,7 +11,7 @@ import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
-from modelgen.runtime.diagnostics.parameter_checks import zero_columns
+from modelgen.runtime.diagnostics.unforced_rows import zero_columns
 from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import below_zero
 from modelgen.runtime.identification.explanation.averaged_forces import with_averaged_forces
@@ -189,8 +189,8 @@ def _spread(one: Begun) -> float:
 
 def _with_all_rows(found: Begun) -> Begun:
     """Return a fit; raise where zero solves one of its rows: another cut-off may show what moves there."""
-    model = found.task.model
-    if lost := zero_columns(found.found.fit, model):
+    model, job = found.task.model, found.task.job
+    if lost := zero_columns(found.found.fit, model, recorded=(job.records, job.choice)):
         raise IdentifiabilityError(*refused_problems(lost, model))
     return found
 

@@ -16,8 +16,9 @@ from modelgen.runtime.diagnostics.motion_checks import (
     resting_bodies,
 )
 from modelgen.runtime.diagnostics.noise_bias import lost_in_noise
-from modelgen.runtime.diagnostics.parameter_checks import null_columns, zero_columns
+from modelgen.runtime.diagnostics.parameter_checks import null_columns
 from modelgen.runtime.diagnostics.row_noise import drowned_friction
+from modelgen.runtime.diagnostics.unforced_rows import zero_columns
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.elastic.untold_springs import untold_springs
 from modelgen.runtime.identification.thresholds import WITHOUT_NUMBER_PERCENT
@@ -55,7 +56,7 @@ def refusals(
     reasons = unanswered(model, records, choice, fit) | one_way_columns(model, fit.absent)
     reasons |= (
         dependent_columns(fit, reasons, model=model)
-        | zero_columns(fit, model)
+        | zero_columns(fit, model, recorded=(records, choice))
         | resting_bodies(model, records)
     )
     if fit.projected:  # noise, which biases least squares, may be what such a row leaves there

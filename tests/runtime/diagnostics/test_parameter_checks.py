@@ -14,7 +14,6 @@ from modelgen.runtime.diagnostics.parameter_checks import (
     null_solution,
     slowest_mode_hz,
     uncertain_parameters,
-    zero_columns,
 )
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
@@ -224,24 +223,6 @@ def test_the_columns_of_a_row_that_explains_nothing_have_no_number(monkeypatch: 
     assert set(found) == {TWO_MASS.base_parameters[column] for column in TWO_MASS.regressor_columns[load.row]}
     assert {"J_m", "F_vm"}.isdisjoint(found)
     assert all(why.startswith("row c leaves ") and "(sign, unit, faults)" in why for why in found.values())
-
-
-def test_the_columns_of_a_row_without_a_force_that_zero_solves_have_no_number() -> None:
-    from modelgen.runtime.least_squares.wls import fit_paper
-
-    rows = observation()
-    assert zero_columns(fit_paper(rows), TWO_MASS) == {}
-    # nothing but the load's row tells its parameters: its solution is zero, whatever its terms
-    motor = np.where(rows.blocks[1].W[0] == 0.0, rows.blocks[0].W, 0.0)
-    hidden = fit_paper(replace(rows, blocks=(replace(rows.blocks[0], W=motor), rows.blocks[1])))
-    found = zero_columns(hidden, TWO_MASS)
-    load = {TWO_MASS.base_parameters[column] for column in TWO_MASS.regressor_columns[rows.blocks[1].row]}
-    assert all("zero solves it as well" in why for why in found.values())
-    assert {name for name, why in found.items() if why.startswith("row c has no force")} == load
-    # the motor's row holds the spring: without it the motor's inertia is that of both
-    motors = {TWO_MASS.base_parameters[column] for column in TWO_MASS.regressor_columns[rows.blocks[0].row]}
-    assert set(found) == load | motors
-    assert found["J_m"].startswith("takes over what is lost")
 
 
 def test_an_offset_whose_interval_holds_zero_is_no_sign_of_a_poor_motion() -> None:
