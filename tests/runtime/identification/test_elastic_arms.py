@@ -111,7 +111,7 @@ SLOW = (
 SECONDS = {
     **dict.fromkeys(("mounting unknown", "accelerations of links", "accelerations across springs"), 4.0),
     "speeds of links": 6.0,
-    "links alone, six joints": 4.0,
+    "links alone, six joints": 3.0,
     "accelerometers, spatial": 3.0,
 }
 

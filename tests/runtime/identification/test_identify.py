@@ -212,15 +212,16 @@ def test_intervals_of_the_default_hold_what_they_say(model: Model, parameters: s
     truth = np.array([model.parameter_sets[parameters][name] for name in model.parameters])
     clean = experiments(model, parameters, 2.0)
     held, alarms = [], 0
-    for seed in range(40):
+    # of 24 with 5 or 6 intervals each the share that holds is known to 0.02 (one sigma)
+    for seed in range(24):
         estimate = identify(model, [with_noise(record, seed) for record in clean])
         found = estimate.parameters.identified
         error = np.abs(np.array([entry.value for entry in found]) - truth)
         held.append(error < 1.96 * np.array([entry.std for entry in found]))
         alarms += any(one.kind == "more than the model" for one in estimate.checks.advice)
     assert 0.9 < np.mean(held) < 0.99
-    # one in a hundred by the level of the tests
-    assert alarms <= 2
+    # one in a hundred by the level of the tests: two or more of 24 have a chance of 2.4 %
+    assert alarms <= 1
 
 
 @pytest.mark.slow

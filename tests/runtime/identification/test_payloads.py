@@ -87,7 +87,7 @@ def test_a_light_payload_and_noisy_currents_leave_no_bias() -> None:
 @pytest.mark.slow(begins="first")
 def test_intervals_hold_the_truth() -> None:
     model, _ = arm()
-    every = [identify(model, records(0.05, seed), checks=QUICK) for seed in range(20)]
+    every = [identify(model, records(0.05, seed), checks=QUICK) for seed in range(12)]
     assert {one.fit.method for one in every} == {"iv"}
     found = np.array([errors(one)[1] for one in every])
     assert 0.88 <= np.mean(np.abs(found) < 1.96) <= 0.99

@@ -21,7 +21,7 @@ HELD = Drive(rate_hz=FS)
 
 @cache
 def fine_record(place: int, motion: str, drive: Drive | None = None) -> Record:
-    return simulate(SMALL, TRUTH, motion, fs=FINE * FS, duration_s=3.0, seed=place, drive=drive).record
+    return simulate(SMALL, TRUTH, motion, fs=FINE * FS, duration_s=2.0, seed=place, drive=drive).record
 
 
 def records(reported: str, loud: float = 1.0) -> list[Record]:
