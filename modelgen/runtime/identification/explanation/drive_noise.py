@@ -39,6 +39,8 @@ LONGEST_PERIOD, EVEN_LENGTH, FEW_FORCES = 1 << 16, 1 << 10, 4
 DRAWS, FEWEST_DRAWS = 4, 2
 # Where rows leave less than this share of a force's floor, something else than noise stands in it.
 MOSTLY_NOISE = 0.5
+# A floor that is this share of another record's, or that half of the samples show, is the noise of both.
+FLOORS_APART = 0.25
 # Steps in which the largest share comes out to some percent.
 POWER_STEPS = 20
 
@@ -179,7 +181,8 @@ def _drawn(
 def _passed(job: Job, fit: Fit, index: int) -> Mapping[str, FloatArray]:
     """Return by force the share of its floor that may be noise in a record: rows that hold it leave no less.
 
-    Above a filter's band may stand what moves the machine, such as the edges of a pseudorandom binary force.
+    Above a filter's band may stand what moves the machine, such as the edges of a pseudorandom binary force:
+    few samples feel them, and another record does not hold them.
     """
     x, record, shares = fit.all_parameters(job.model.base_parameters), job.records[index], {}
     left = [(fit.blocks[number], _left(fit, number)) for number in fit.by_record[index]]
@@ -189,8 +192,20 @@ def _passed(job: Job, fit: Fit, index: int) -> Mapping[str, FloatArray]:
             largest_density(job.model, record, block, residuals, x, job.choice, key)
             for block, residuals in left
         ]
-        shares[key] = np.asarray(min([1.0, *(one / floor for one in most)]) if floor > 0.0 else 1.0)
+        others = [one.facts.spectrum(key).noise for one in job.records if key in one.signals]
+        least = min(one for one in (_steady_noise(record, key), floor, *others) if one > 0.0 or one == floor)
+        apart = [least] if least < FLOORS_APART * floor else []
+        shares[key] = np.asarray(
+            min([1.0, *(one / floor for one in (*most, *apart))]) if floor > 0.0 else 1.0
+        )
     return shares
+
+
+def _steady_noise(record: Record, key: str) -> float:
+    """Return the density of white noise that half of a force's samples show, in its unit^2/Hz; 0 at rest."""
+    changes = np.abs(np.diff(record.read(key, 0, min(record.n, MOST_SAMPLES)), 2))
+    # of normal noise half is below 0.6745 deviations; second differences have six times its variance
+    return float(2.0 * (np.median(changes) / 0.6745) ** 2 / 6.0 / record.fs)
 
 
 def _left(fit: Fit, number: int) -> list[FloatArray]:

@@ -205,3 +205,27 @@ def test_what_moves_the_machine_above_the_filter_is_not_taken_for_noise(
     assert moved.params["M"] == pytest.approx(x - 0.5 * bias.shift[0], rel=1e-9)
     assert moved.bse["M"] > 0.5 * abs(bias.shift[0])
     assert abs(moved.params["M"] - TRUTH["M"]) < 3.0 * moved.bse["M"]
+
+
+def test_edges_that_few_samples_or_one_record_hold_are_no_noise(
+    loud: tuple[Job, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # encoders are so coarse that rows tell nothing of the force's noise
+    monkeypatch.setattr(drive_noise, "largest_density", lambda *_: np.inf)
+    job, fit = loud
+    record, rng = job.records[0], np.random.default_rng(1)
+    own = record.facts.spectrum("Gamma_m").noise
+    levels = np.repeat(rng.choice([-0.1, 0.1], record.n), rng.integers(9, 11, record.n))[: record.n]
+    edges, noise = record.edited({"Gamma_m": record.signals["Gamma_m"] + levels}), rng.normal(size=record.n)
+    noisy = record.edited({"Gamma_m": record.signals["Gamma_m"] + 0.05 * noise})
+
+    def taken_for_noise(*records: Record) -> float:
+        share = drive_noise._passed(replace(job, records=records), fit, 0)["Gamma_m"]
+        return float(share) * records[0].facts.spectrum("Gamma_m").noise
+
+    assert edges.facts.spectrum("Gamma_m").noise > 20.0 * own
+    assert taken_for_noise(edges) < 5.0 * own
+    assert taken_for_noise(noisy, record) == pytest.approx(own, rel=0.1)
+    # alone, or as noisy as the other one, it is noise
+    assert taken_for_noise(noisy) == pytest.approx(2.0 * 0.05**2 / record.fs, rel=0.1)
+    assert taken_for_noise(record, edges) == pytest.approx(own, rel=0.1)
