@@ -77,11 +77,13 @@ def test_a_constant_force_behind_an_unseen_body_is_estimated_with_the_parameters
     assert spread["D_2"] < 5e-4
 
 
-def misread(model: Model, truth: dict[str, float], read: Callable[[Signals], Signals]) -> list[Record]:
-    """Return a chirp and a trapezoid, 2 s at 2 kHz each, with noise, of channels that are read wrongly."""
+def misread(
+    model: Model, truth: dict[str, float], read: Callable[[Signals], Signals], duration_s: float = 2.0
+) -> list[Record]:
+    """Return a chirp and a trapezoid at 2 kHz each, with noise, of channels that are read wrongly."""
     levels, found = {"T": 2e-3, "q_m": 3e-6, "a_c": 0.3}, []
     for motion in ("chirp", "trapezoid"):
-        clean = simulate(model, truth, motion, fs=2000.0, duration_s=2.0, oversample=40).record.signals
+        clean = simulate(model, truth, motion, fs=2000.0, duration_s=duration_s, oversample=40).record.signals
         signals = read({key: np.asarray(clean[key]) for key in levels if key in clean})
         rng = np.random.default_rng(len(found))
         noisy = {key: line + levels[key] * rng.standard_normal(len(line)) for key, line in signals.items()}
@@ -117,7 +119,7 @@ def test_a_sensor_that_is_late_is_found_with_physical_parameters() -> None:
         t = np.arange(len(signals["a_c"]))
         return {**signals, "a_c": CubicSpline(t, signals["a_c"])(t - 0.6)}
 
-    found = identify(model, misread(model, truth, late))
+    found = identify(model, misread(model, truth, late, 1.0))
     assert found.fit.notes[0] == "method iv, in the physical parameters"
     assert any("q_m is early by 300 us" in one.what for one in found.checks.advice)
     for entry in found.parameters.physical:
