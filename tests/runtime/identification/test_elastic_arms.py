@@ -152,7 +152,15 @@ def noisy(model: Model, record: Record, seed: int) -> Record:
     )
 
 
-@pytest.mark.parametrize("case", [pytest.param(c, marks=pytest.mark.slow) if c in SLOW else c for c in CASES])
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(c, marks=pytest.mark.slow(begins="first") if "six" in c else pytest.mark.slow)
+        if c in SLOW
+        else c
+        for c in CASES
+    ],
+)
 def test_sensor_sets_without_noise_give_the_truth(case: str) -> None:
     model, record, truth = made(case, SECONDS.get(case, 12.0))
     found = identify(model, record, "wls", checks=QUICK).params

@@ -42,7 +42,7 @@ CHAINS: tuple[ModuleType, ...] = (
 FAINTEST_NOISE = 1e-7
 
 
-def experiment(seed: int, duration_s: float = 2.0) -> tuple[Model, list[Record]]:
+def experiment(seed: int) -> tuple[Model, list[Record]]:
     """A chain, a sensor set and records, all drawn from a seed."""
     rng = np.random.default_rng(seed)
     model = model_from_module(CHAINS[int(rng.integers(len(CHAINS)))])
@@ -52,7 +52,7 @@ def experiment(seed: int, duration_s: float = 2.0) -> tuple[Model, list[Record]]
     step = float(rng.choice([0.0, 0.0, 1e-4]))
     records = []
     for kind in kinds:
-        record = simulate(model, truth, kind, duration_s=duration_s, fs=2000.0, oversample=4).record
+        record = simulate(model, truth, kind, duration_s=2.0, fs=2000.0, oversample=4).record
         signals = {}
         for key, samples in record.signals.items():
             span = float(np.ptp(samples))
@@ -138,8 +138,7 @@ def test_files_chunks_and_threads_change_nothing(
     "seed", [6, *(pytest.param(k, marks=pytest.mark.slow(begins="first")) for k in (0, 1, 2, 3, 4, 5, 7))]
 )
 def test_nor_do_they_change_the_default(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # half as long as above: still two chunks or more
-    model, records = experiment(seed, 1.0)
+    model, records = experiment(seed)
     expected = outcome(model, records)
     # its rounds end within a tenth of a standard deviation of where they would come to rest: rounding shows
     same(

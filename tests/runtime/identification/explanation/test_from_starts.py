@@ -35,7 +35,7 @@ def lagging(samples: FloatArray, samples_late: float) -> FloatArray:
     return np.asarray(lfilter(over.ravel(), under, samples - samples[0]) + samples[0])
 
 
-@pytest.mark.slow
+@pytest.mark.slow(begins="first")
 @pytest.mark.parametrize("samples_late", [1.5, 2.5])
 def test_directions_are_simulated_of_records_whose_low_pass_is_undone(samples_late: float) -> None:
     clean = swung(servo(), TRUTH, PLACES, 5)
