@@ -212,9 +212,9 @@ def _bias_counts(task: Task, by_default: bool) -> bool:
 def _run(task: Task) -> Begun:
     # least squares needs no simulation, and what it loads
     if isinstance(task.method, Auto):
-        from modelgen.runtime.identification.default_method import default_method
+        from modelgen.runtime.identification.held.without_ends import default_without_ends
 
-        return default_method(task, task.method)
+        return default_without_ends(task, task.method)
     beyond = beyond_limit(task.job, task.method)
     if beyond is not None:
         raise DataError(beyond)

@@ -1,0 +1,1 @@
+"""Machines that are held while they are recorded, by brakes or stops."""
