@@ -108,6 +108,9 @@ def _null_rows(
     for index, (block, left) in enumerate(zip(fit.blocks, shares, strict=True)):
         if left < NULL_SHARE:
             continue
+        # differentiated further it leaves most of a wide band, and that is told as more than noise
+        if model.composites and block.row in explained:
+            continue
         harmless = block.has_force or bool(fit.projected) or block.row in explained
         if harmless and _drowned(fit, index, model, records[block.record], choice):
             continue

@@ -132,7 +132,10 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
     changes, every = list(_changes(job.model, still))[:TRIES], tuple(range(len(parts)))
     alike = [change for change in changes if change.alike]
     others = [change for change in changes if not change.alike]
-    # what measures something else may look like nearly anything, of noise as well: last, and in all records
+    # what measures something else may look like nearly anything, of noise as well: last, and in all records;
+    # composites that are free of each other take it for what it is not
+    if fit.carried is not None:
+        others = []
     unlike = _unlike_others(fit, len(parts))
     for group in (product([every], alike), product(unlike, alike), product([every], others)):
         tried: list[_Mended] = []

@@ -29,6 +29,7 @@ def answer_text(estimate: Estimate) -> str:
     lines = [
         *_wrapped(f"{estimate.model}, records {listed(estimate.records, most=3)}", ""),
         *_parameters(asked_for(estimate)),
+        *numbered_lines(estimate),
         *known_lines(estimate),
         *modes_lines(estimate),
         *refused_lines(estimate),
@@ -51,7 +52,10 @@ def answer_html(estimate: Estimate) -> str:
         for entry in asked_for(estimate)
     )
     below = [
-        *(line.strip() for line in (*known_lines(estimate), *modes_lines(estimate))),
+        *(
+            line.strip()
+            for line in (*numbered_lines(estimate), *known_lines(estimate), *modes_lines(estimate))
+        ),
         *refused_lines(estimate),
     ]
     said = "".join(f"<p>{html.escape(line)}</p>" for line in below)
@@ -65,11 +69,21 @@ def answer_html(estimate: Estimate) -> str:
 
 
 def asked_for(estimate: Estimate) -> tuple[Parameter, ...]:
-    """Return the physical parameters, and base parameters that hold more than these say."""
+    """Return the physical parameters, and base parameters that hold more than these say.
+
+    Beside physical parameters composites that a number stands for, their formulas being long, are left out.
+    """
+    more = set(_numbered(estimate)) if estimate.parameters.physical else set()
+    combined = [entry for entry in _beyond_physical(estimate) if entry.name not in more]
+    return (*estimate.parameters.physical, *combined)
+
+
+def _beyond_physical(estimate: Estimate) -> list[Parameter]:
+    """Return base parameters that hold parameters without a value, all where no parameter has one."""
     found = estimate.parameters
     named = {entry.name for entry in found.physical}
     formulas = {**estimate.model.composites, **estimate.model.groupings}
-    combined = [
+    return [
         entry
         for entry in found.identified
         if entry.name not in named
@@ -81,7 +95,23 @@ def asked_for(estimate: Estimate) -> tuple[Parameter, ...]:
             )
         )
     ]
-    return (*found.physical, *combined)
+
+
+def _numbered(estimate: Estimate) -> list[str]:
+    """Return the composites with values that have a number as their name, such as C15."""
+    formulas = estimate.model.composites
+    names = [entry.name for entry in _beyond_physical(estimate)]
+    return [name for name in names if formulas.get(name, name) != name]
+
+
+def numbered_lines(estimate: Estimate) -> list[str]:
+    """Return how many composites of long formulas are left out, in one line; none where there are none."""
+    names = _numbered(estimate) if estimate.parameters.physical else []
+    if not names:
+        return []
+    some = names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}"
+    what = "composite of a long formula" if len(names) == 1 else "composites of long formulas"
+    return _wrapped(f"  and {len(names)} {what} ({some}): --details, or summary() in Python", "    ")
 
 
 def plus_minus(entry: Parameter) -> str:

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import model_from_module, model_from_text
 from modelgen.runtime.numerics.regressor import plain_regressors
@@ -146,6 +149,25 @@ def test_a_row_that_noise_drowns_is_no_null_solution() -> None:
     assert row.relative_error is not None
     assert row.relative_error > 0.95
     assert "null solution" not in kinds(estimate)
+
+
+@pytest.mark.parametrize(("composites", "told"), [({}, ["quiet, row m"]), ({"J/K": "J/K"}, [])])
+def test_rows_of_composites_that_another_record_explains_are_not_null(
+    composites: dict[str, str], told: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shares = (0.1, 1.04)
+    names = ("busy", "quiet")
+    blocks = [
+        SimpleNamespace(record=k, row=0, row_name="m", record_name=name, has_force=True)
+        for k, name in enumerate(names)
+    ]
+    fit = cast(Fit, SimpleNamespace(blocks=blocks, projected=None, unexplained=lambda index: shares[index]))
+    for name in ("_drowned", "hardly_weighed"):
+        monkeypatch.setattr(parameter_checks, name, lambda *_: False)
+    model = replace(RIGID, composites=composites)
+    record = rigid_record()
+    found = null_solution(fit, model, [record, record], CHOICE)
+    assert [one.where for one in found] == told
 
 
 def test_the_noise_of_a_row_is_that_of_a_record_of_noise_alone() -> None:

@@ -21,6 +21,8 @@ from modelgen.runtime.identification.swapped_channels import (
     _Sense,
     swapped_channels,
 )
+from modelgen.runtime.least_squares.fit import CarriedOver
+from modelgen.runtime.least_squares.hac_covariance import influence
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
@@ -84,6 +86,17 @@ def test_swapped_channels_are_found(sensors: str, one: str, other: str) -> None:
     assert found.where == f"chirp, trapezoid, channel {one} and {other}, samples 0 to 19999"
     assert found.what.startswith("may be swapped with each other: the worst row then leaves")
     assert found.remedy == "check which column is which channel, and their signs (--map)"
+
+
+@pytest.mark.parametrize("other", ["Gamma_m", "a_c"])
+def test_beside_a_fit_in_physical_parameters_unlike_channels_are_not_suspected(other: str) -> None:
+    # composites that are free of each other explain a force in a speed's place as well as in its own
+    records = swapped(experiments("ac"), "q_m", other)
+    job = Job(AC, records, choose_filter(AC, records))
+    fit = METHODS["wls"].run(job)[1]
+    assert swapped_channels(job, fit)
+    told = swapped_channels(job, replace(fit, carried=CarriedOver(fit, tuple(influence(fit)), ())))
+    assert not any("swapped with each other" in one.what for one in told)
 
 
 @pytest.mark.parametrize(("sensors", "key"), [("qc", "q_c"), ("qc", "Gamma_m"), ("ac", "a_c")])

@@ -53,6 +53,29 @@ def test_no_line_is_longer_than_a_terminal(count: int) -> None:
         assert "K_0 1.00 +- 0.20 N m/rad K_5 6.00 +- 0.20 N m/rad" in " ".join(text.split())
 
 
+def test_composites_that_numbers_stand_for_share_a_line() -> None:
+    whole = sound()
+    ones = tuple(Parameter(f"C{i}", "N", 1.0, 0.1, 0.0, 0.0, 0.0) for i in (7, 8, 9))
+    short = Parameter("F/K", "s", 1.0, 0.1, 0.0, 0.0, 0.0)
+    formulas = {**{one.name: "F*K + F^2/K" for one in ones}, "F/K": "F/K"}
+    physical = tuple(entry for entry in whole.parameters.physical if entry.name != "F")
+    found = replace(
+        whole.parameters,
+        physical=physical,
+        identified=(*physical, short, *ones),
+        not_identifiable={"F": "too uncertain"},
+    )
+    open_friction = replace(whole, parameters=found, model=replace(whole.model, composites=formulas))
+    text = answer_text(open_friction)
+    assert "F/K 1.00 +- 0.20 s" in " ".join(text.split())
+    assert "and 3 composites of long formulas (C7 to C9): --details" in text
+    assert "composites of long formulas (C7 to C9)" in answer_html(open_friction)
+    assert text.count("C8") == 0
+    # where they are all that is known, they are told
+    alone = replace(open_friction, parameters=replace(found, physical=(), identified=ones))
+    assert answer_text(alone).count("1.00 +- 0.20 N") == 3
+
+
 def test_reasons_of_one_kind_share_a_line() -> None:
     whole = sound()
     reasons = {
