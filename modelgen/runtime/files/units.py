@@ -19,6 +19,16 @@ LONGEST_TITLE = (
     200  # characters; nobody writes a unit behind a longer one, and looking for it takes their square
 )
 LONGEST_INITIAL = 2  # characters of a joint's name that may be a unit, too: m, in, but not deg
+# Words that are units wherever a name has them, apart from the rest or behind small letters as in posDeg.
+# Letters and short words may be bodies or attributes (m, in, min): they count in brackets only.
+_ANY_CASE = "m?rad|deg|degs|degrees?|rev|revs|turns?|arcsec|arcmin|k?rpm|dps|rps|[mu]?sec|mils?|inch|mm"
+_ANY_CASE += "|counts?|cts|ticks?|incs?|lsb"
+_AS_WRITTEN = "°|ms|[uµ]s|ns|[uµ]m|cm|[mk]?N·?m|N·?[mc]m|kN|mN|mA|mV"
+NAMED_UNIT = re.compile(
+    r"(?:(?<=[^\W_])[\W_]+|(?<=[a-z])(?=[A-Z])|^(?=[\[({<]))[\[({<]?"
+    rf"(?P<word>(?i:{_ANY_CASE})|{_AS_WRITTEN})"
+    r"(?i:(?:_per_| per |[_/])(?P<below>s2|s\^2|s²|s|sec|min))?(?:$|[\])}>,])",
+)
 PLACE = re.compile(r"\s*(.*\S)\[([^\[\]]+)\]\s*")  # next to the name: "position[elbow]", and "theta[rad]"
 
 
@@ -179,10 +189,10 @@ def states_no_unit(text: str) -> bool:
 
 
 def split_name(text: str) -> tuple[str, str | None]:
-    """Split "theta [rad]", "torque (Nm)", "t in ms", "pos / mm", "t, s" or "v_rpm" into a name and a unit.
+    """Split "theta [rad]", "torque (Nm)", "t in ms", "pos / mm" or "t, s" into a name and a unit.
 
     What stands at the end counts as a unit only where it is one, or in square brackets apart from the name; a
-    single letter must stand in brackets.
+    single letter must stand in brackets. A name with a unit as a word stays whole: "v_rpm", "q/deg".
     """
     if len(text) > LONGEST_TITLE:
         return text.strip(), None
@@ -201,10 +211,15 @@ def split_name(text: str) -> tuple[str, str | None]:
     unit = unit_from_text(match.group(1)) if match else None
     if match and unit and unit.si == "s":
         return "time", match.group(1)
-    match = re.fullmatch(r"(.+)_(ms|us|ns|sec|deg|rad|rpm|Nm|mm|um)", text)
-    if match:
-        return text, match.group(2)
-    return text.strip(), None
+    match = NAMED_UNIT.search(text)
+    return text.strip(), None if match is None else _written(match)
+
+
+def _written(match: re.Match[str]) -> str | None:
+    """Return the unit of words in a name as it is written alone: deg_s and DEG per S are deg/s."""
+    below = f"/{match['below'].lower()}" if match["below"] else ""
+    forms = (match["word"] + below, match["word"].lower() + below)
+    return next((form for form in forms if unit_from_text(form)), None)
 
 
 def split_titles(titles: Sequence[str]) -> list[tuple[str, str | None]]:

@@ -68,6 +68,68 @@ def test_a_joint_called_as_a_unit_is_none() -> None:
     assert split_titles(("position[m]", "effort[Nm]"))[0] == ("position", "m")
 
 
+DEGREE = math.pi / 180.0
+
+
+@pytest.mark.parametrize(
+    ("title", "si", "factor"),
+    [
+        *(
+            (title, "rad", DEGREE)
+            for title in ("q_m/deg", "q_m/°", "q_DEG", "posDeg", "q-deg", "q.deg", "q deg")
+        ),
+        *(
+            (title, "rad", DEGREE)
+            for title in ("q {deg}", "q <deg>", "[deg] q", "q (deg) raw", "q (deg, raw)")
+        ),
+        *(("q: degrees", "rad", DEGREE), ("q_m_mrad", "rad", 1e-3), ("q_m_rev", "rad", 2.0 * math.pi)),
+        *(
+            (title, "rad/s", DEGREE)
+            for title in ("v_deg_s", "v_DEG_PER_S", "v/deg/s", "v in deg per s", "v_dps")
+        ),
+        *(("VEL_MM_S", "m/s", 1e-3), ("a_mm_s2", "m/s^2", 1e-3), ("POS_MM", "m", 1e-3)),
+        *(
+            ("nRpm", "rad/s", SPEED),
+            ("Gamma/Ncm", "N m", 1e-2),
+            ("tau_mNm", "N m", 1e-3),
+            ("t/msec", "s", 1e-3),
+        ),
+        *(("enc_counts", "count", 1.0), ("pos.ticks", "count", 1.0), ("GammaNm", "N m", 1.0)),
+    ],
+)
+def test_a_unit_without_brackets_counts(title: str, si: str, factor: float) -> None:
+    """An angle in degrees that is taken for radians makes every parameter wrong by 57, without a word."""
+    name, text = split_name(title)
+    unit = unit_from_text(text or "")
+    assert unit is not None and (unit.si, unit.factor) == (si, pytest.approx(factor, rel=1e-14))
+    assert name == title or name == title.partition(" in ")[0]
+
+
+@pytest.mark.parametrize(
+    "title",
+    [
+        *(
+            "q_m",
+            "q_m_s",
+            "x_in",
+            "x_min",
+            "a_g",
+            "i_A",
+            "T_h",
+            "deg",
+            "count",
+            "rms",
+            "x_rms",
+            "params",
+            "discount",
+        ),
+        *("return", "Sturm", "temp_degC", "q_ms_ok", "msg", "torque_nm", "motor.position", "set_day", "x_lb"),
+    ],
+)
+def test_a_word_that_is_no_unit_does_not(title: str) -> None:
+    assert split_name(title) == (title, None)
+
+
 def test_a_title_of_any_length_takes_no_time() -> None:
     start = process_time()
     for text in ("a" + 200_000 * " " + "b", 200_000 * " ,", "q [" * 100_000 + "rad]"):

@@ -81,7 +81,7 @@ def test_text_of_other_encodings(tmp_path: Path, encoding: str) -> None:
     path = tmp_path / "run.csv"
     path.write_bytes(TABLE.replace("Gamma_m", "angle °").encode(encoding))
     assert open_source(path).names == ("t", "q_m", "angle °")
-    assert read_record(path, {"Gamma_m": "angle °"}).signals["Gamma_m"][2] == -4.0
+    assert read_record(path, {"Gamma_m": "angle °"}).signals["Gamma_m"][2] == np.radians(-4.0)
 
 
 def test_columns_that_nobody_asked_for_may_hold_anything(tmp_path: Path) -> None:
