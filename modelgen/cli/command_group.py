@@ -5,9 +5,12 @@ Exit codes: 0 done, 1 the data do not determine the result (or a check failed), 
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import warnings
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -27,8 +30,14 @@ NUMBER_WORDS = {"STD", "STEP", "ERROR", "PEAK", "AMOUNT", "FACTOR", "SECONDS", "
 ARITHMETIC = (RuntimeWarning, FloatingPointError, OverflowError, ZeroDivisionError)
 
 
+# options that name a file to write
+WRITTEN = {"-o", "--report", "--figure", "--save-project", "--svg", "--plot", "--optimise"}
+
+
 class CheckedCommand(TyperCommand):
-    """A command none of whose options holds a number that nothing can be calculated with."""
+    """A command none of whose options holds a number that nothing can be calculated with, or writes to a file
+    that another one names.
+    """
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command.
@@ -36,7 +45,7 @@ class CheckedCommand(TyperCommand):
         Raises
         ------
         DataError
-            With one problem per option that is out of range.
+            With one problem per option that is out of range, or whose file is another option's.
         """
         problems = [
             problem
@@ -44,6 +53,7 @@ class CheckedCommand(TyperCommand):
             for value in _listed(ctx.params.get(parameter.name))
             for problem in _number_problems(parameter, value)
         ]
+        problems += _replaced([(one, ctx.params.get(one.name)) for one in self.params])
         DataError.raise_any(problems)
         return super().invoke(ctx)
 
@@ -107,6 +117,33 @@ def _explain_os_error(error: OSError) -> None:
 
 def _listed(value: Any) -> tuple[Any, ...]:
     return tuple(value) if isinstance(value, (list, tuple)) else (value,)
+
+
+def _replaced(given: Sequence[tuple[Any, Any]]) -> list[Problem]:
+    """Return one problem per file to write that another option names: it would be lost with --overwrite."""
+    return [
+        Problem(
+            f"{option.opts[0]} {value}",
+            f"is the file of {other.opts[0] if other.opts[0][0] == '-' else other.metavar}, too",
+            "choose another name",
+        )
+        for option, value in given
+        if value is not None and WRITTEN & set(option.opts)
+        for other, values in given
+        if other is not option
+        and (os.path.isfile(value) or WRITTEN & set(other.opts))
+        and _place(value) in map(_place, _files(values))
+    ]
+
+
+def _files(value: Any) -> list[str]:
+    """Return what may name a file in an option's value: records, or a text with commas between them."""
+    texts = [str(one) for one in _listed(value) if isinstance(one, (str, Path))]
+    return [part for text in texts for part in (text, *text.split(","))]
+
+
+def _place(path: Any) -> str:
+    return os.path.realpath(str(path).replace("\0", ""))
 
 
 def _number_problems(parameter: Any, value: Any) -> list[Problem]:

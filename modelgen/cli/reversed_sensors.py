@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.model.mechanical_parts import Sensor
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.mapping_file import Proposed
 from modelgen.runtime.simulation.closed_loop import rigid_motion
 

@@ -321,6 +321,29 @@ def test_simulate_explains(here: Path, arguments: tuple[str, ...], words: tuple[
     assert list(here.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("arguments", "kept"),
+    [
+        (("import", "run.csv", "-o", "run.csv"), "run.csv"),
+        (("identify", "other.csv,run.csv", "--model", "axis.py", "-o", "./run.csv"), "run.csv"),
+        (("identify", "run.csv", "--model", "axis.py", "-o", "axis.py"), "axis.py"),
+        (
+            ("simulate", "emps300", "--sensors", "qm_qc", "--excitation", "run.csv", "-o", "run.csv"),
+            "run.csv",
+        ),
+        (("identify", "run.csv", "--spec", "emps300", "--report", "a.html", "-o", "a.html"), "a.html"),
+    ],
+)
+def test_overwrite_never_replaces_what_a_command_reads_or_writes_otherwise(
+    here: Path, arguments: tuple[str, ...], kept: str
+) -> None:
+    (here / kept).write_text("t,q\n0,1\n1,2\n")
+    result = run(*arguments, "--overwrite")
+    assert result.exit_code == 2
+    assert "is the file of" in result.output
+    assert (here / kept).read_text() == "t,q\n0,1\n1,2\n"
+
+
 def test_simulate_overwrites_only_if_asked(here: Path) -> None:
     Path("a.csv").write_text("mine", encoding="utf-8")
     arguments = (*SIMULATE, "--excitation", "chirp", "-o", "a.csv")
