@@ -10,8 +10,8 @@ from modelgen.chain_picture.svg import chain_svg
 from modelgen.errors import SpecError, listed
 from modelgen.runtime.model.chain_matrices import ChainMatrices, chain_matrices
 from modelgen.runtime.model.link_couplings import NEGLIGIBLE, couplings
+from modelgen.runtime.model.mechanical_parts import Sensor as ModelSensor
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.model.model import Sensor as ModelSensor
 from modelgen.spec.chain import ChainSpec, Sensor
 
 MOST_BODIES = 60  # in a report; what is beyond is a page of its own

@@ -28,7 +28,8 @@ from modelgen.runtime.filters.thresholds import LEAST_TREND
 from modelgen.runtime.filters.zero_phase import DECIMATE_CUTOFF
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_bandwidth, hac_covariance, influence_parts
-from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.model.mechanical_parts import Sensor
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.bandwidth import in_parts
 from modelgen.runtime.parameters.unanswered_columns import columns_that_vanish
 from modelgen.runtime.records.channels import in_stretches

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from modelgen.runtime.filter_choice.thresholds import DYNAMICS_SHARE, FORCE_SHARE
 from modelgen.runtime.filters.power_spectrum import band_limit_hz
-from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.model.mechanical_parts import Sensor
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
 

@@ -31,7 +31,7 @@ from modelgen.runtime.iv.thresholds import (
     SMOOTHING_ORDER,
     START_TOLERANCE,
 )
-from modelgen.runtime.model.model import Sensor
+from modelgen.runtime.model.mechanical_parts import Sensor
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration
 from modelgen.runtime.simulation.excitation import Excitation

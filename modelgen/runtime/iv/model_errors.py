@@ -20,7 +20,8 @@ from modelgen.runtime.iv.low_pass import low_pass, two_poles
 from modelgen.runtime.iv.thresholds import LONGEST_LIMIT, SATURATED
 from modelgen.runtime.iv.varying_parameters import courses, falling_gain, varying_along, varying_effects
 from modelgen.runtime.least_squares.time_shifts import on_one_clock, shift
-from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.model.mechanical_parts import Sensor
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 

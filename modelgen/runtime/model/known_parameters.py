@@ -20,6 +20,7 @@ from modelgen.errors import DataError, Problem, listed, signed_sum
 from modelgen.keyword_options import check_named_values
 from modelgen.magnitudes import REMEDY, is_usable
 from modelgen.runtime.model.model import Model, Terms, model_from_module
+from modelgen.runtime.model.module_file import MADE_BY
 
 NEGLIGIBLE = 1e-9  # of the largest entry of a column
 SEED = 2002
@@ -228,6 +229,7 @@ def _module(model: Model, held: Mapping[str, float], reduced: _Reduced) -> Modul
         "measurement": lambda signals: measurement(signals) - regressor(signals) @ fixed,
         "regressor": lambda signals: regressor(signals) @ reduced.mixing,
         "columns": _columns(model, reduced),
+        MADE_BY: (_known_module, (model, held)),
         **reduced.more,
     }
     module = ModuleType(str(old.get("__name__", model.chain)), old.get("__doc__"))
@@ -236,6 +238,11 @@ def _module(model: Model, held: Mapping[str, float], reduced: _Reduced) -> Modul
         if name not in changed and isinstance(value, FunctionType):
             # the same code; the names it refers to are those of the new module
             vars(module)[name] = FunctionType(value.__code__, vars(module), name, value.__defaults__)
+    return module
+
+
+def _known_module(model: Model, held: Mapping[str, float]) -> ModuleType:
+    module: ModuleType = with_known(model, held).module
     return module
 
 

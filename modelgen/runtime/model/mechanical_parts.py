@@ -1,8 +1,24 @@
-"""Actuators, rows, friction, cubic springs and roles of parameters: entries of a module as records."""
+"""Sensors, actuators, rows, friction, cubic springs, roles of parameters: entries of a module as records."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What one sensor reads: `measures` of a body, or of the deflection between a pair of bodies."""
+
+    key: str
+    body: str | None
+    deflection: tuple[str, str] | None
+    measures: str
+    unit: str
+
+    @property
+    def order(self) -> int:
+        """How often a position is differentiated in the reading: 0, 1 or 2."""
+        return {"position": 0, "velocity": 1, "acceleration": 2}[self.measures]
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,10 @@ become small frozen records. `contract_check` says what a module must offer, `mo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
@@ -24,28 +25,12 @@ from modelgen.runtime.model.arm_model import arm_fields
 from modelgen.runtime.model.chain_fields import chain_fields
 from modelgen.runtime.model.contract_check import is_arm, module_problems
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
-from modelgen.runtime.model.mechanical_parts import Actuator, CubicSpring, Friction, Role, RowInfo
-from modelgen.runtime.model.module_file import execute_file, execute_text
+from modelgen.runtime.model.mechanical_parts import Actuator, CubicSpring, Friction, Role, RowInfo, Sensor
+from modelgen.runtime.model.module_file import MADE_BY, execute_file, execute_text
 from modelgen.runtime.numerics.rational_functions import RationalFunctions, rational_functions
 
 # (coefficient, signal or feature key) pairs to be summed; the key "1" is the constant
 Terms = tuple[tuple[float, str], ...]
-
-
-@dataclass(frozen=True)
-class Sensor:
-    """What one sensor reads: `measures` of a body, or of the deflection between a pair of bodies."""
-
-    key: str
-    body: str | None
-    deflection: tuple[str, str] | None
-    measures: str
-    unit: str
-
-    @property
-    def order(self) -> int:
-        """How often a position is differentiated in the reading: 0, 1 or 2."""
-        return {"position": 0, "velocity": 1, "acceleration": 2}[self.measures]
 
 
 @dataclass(frozen=True)
@@ -213,6 +198,14 @@ class Model:
     def __repr__(self) -> str:
         columns = ", ".join(self.base_parameters)
         return f"Model({self.chain}, {self.sensor_set}: {len(self.rows)} rows, {columns})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # a module cannot be sent to another process, what made it can
+        return _made_again, getattr(self.module, MADE_BY, None) or (import_module, (self.module.__name__,))
+
+
+def _made_again(make: Callable[..., Any], values: tuple[Any, ...]) -> Model:
+    return model_from_module(make(*values))
 
 
 def model_from_module(module: Any) -> Model:

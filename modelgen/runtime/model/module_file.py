@@ -16,6 +16,7 @@ from modelgen.generated_module.module_check import module_problems, module_text
 from modelgen.read_file import MODULE, read_text
 
 TRUST = "check the path, or pass trust=True (--trust) if you know the file: loading a module executes it"
+MADE_BY = "__made_by__"  # in such a module: a function and its arguments that make it again
 
 
 class _TextLoader(SourceFileLoader):
@@ -108,4 +109,6 @@ def _execute(name: str, place: str, text: str, where: str) -> ModuleType:
             ) from error
         what = f"raised {type(error).__name__} when imported ({error})"
         raise DataError.at(where, what, remedy) from error
+    # no module can be pickled: another process executes the text that was checked here
+    module.__dict__[MADE_BY] = (_execute, (name, place, text, where))
     return module

@@ -9,7 +9,8 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import ModelgenError
-from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.model.mechanical_parts import Sensor
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.modes.modes import Mode, Modes, Peak
 from modelgen.runtime.modes.thresholds import (
     EXCITED,

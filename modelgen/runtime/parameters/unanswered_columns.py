@@ -14,7 +14,8 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.power_spectrum import share_below
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.model.mechanical_parts import Sensor
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.thresholds import STEADY_BAND, STEADY_SHARE
 from modelgen.runtime.records.record import Record
 

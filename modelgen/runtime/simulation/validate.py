@@ -18,7 +18,8 @@ from modelgen.errors import DataError
 from modelgen.keyword_options import with_defaults
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
-from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.model.mechanical_parts import Sensor
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, refuse_lacking
 from modelgen.runtime.records.same_data import is_held_out, refuse_same_data
 from modelgen.runtime.simulation.closed_loop import PositionVelocityController, vibration

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Callable
+from multiprocessing import get_context
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +16,9 @@ import pytest
 from generated import emps300_qm_ac
 from modelgen.errors import DataError
 from modelgen.generated_module.module_check import seal
-from modelgen.runtime.model.model import load_model, model_from_module, model_from_text
+from modelgen.runtime.model.known_parameters import with_known
+from modelgen.runtime.model.model import Model, load_model, model_from_module, model_from_text
+from tests.runtime.made_arm_records import catalogued, model_of
 
 
 @pytest.fixture
@@ -235,3 +238,17 @@ def test_a_failed_reload_keeps_the_module_before(tmp_path: Path, text: str) -> N
     with pytest.raises(DataError):
         load_model(path, trust=True)
     assert sys.modules[model.module.__name__] is model.module
+
+
+def _first_of(model: Model) -> tuple[str, float]:
+    """Return what another process sees of a model."""
+    base = model.base_from_physical(dict.fromkeys(model.parameters, 2.0))
+    return repr(model), float(base[0])
+
+
+def test_a_model_goes_to_another_process(repo_root: Path) -> None:
+    """From a file, with values that are known, of an arm, and imported as a module."""
+    loaded, arm = load_model(repo_root / "generated" / "emps300_qm_ac.py"), model_of(catalogued("two_link"))
+    models = [loaded, with_known(loaded, {"K": 15150.0}), arm, model_from_module(emps300_qm_ac)]
+    with get_context("spawn").Pool(1) as pool:
+        assert pool.map(_first_of, models) == [_first_of(model) for model in models]

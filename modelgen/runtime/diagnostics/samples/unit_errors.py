@@ -38,7 +38,8 @@ from modelgen.runtime.diagnostics.thresholds import (
     WAY_POINTS,
     WAY_SHARE,
 )
-from modelgen.runtime.model.model import Model, Sensor
+from modelgen.runtime.model.mechanical_parts import Sensor
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.closed_loop import rigid_motion
 
