@@ -10,8 +10,9 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, fields, is_dataclass
+from pathlib import PurePath
 from typing import Any
 
 from modelgen.errors import DataError, ModelgenError, Problem, shortened
@@ -33,18 +34,29 @@ TOML_REMEDIES = (
     ("=\\s*[\u2212\u2013]", "write minus as the hyphen of the keyboard, -"),
     (r"=\s*[-+]?[0-9]+,[0-9]", "write decimals with a point, 0.5"),
 )
+#: a table of one kind of file alone -> what the file is
+KINDS = {
+    "bodies": "the description of a chain",
+    "joints": "the description of an arm",
+    "records": "a project (modelgen run)",
+    "channels": "a mapping of columns (--map-file)",
+    "controller": "a controller (--controller)",
+}
 SEPARATORS = frozenset("=,\n[]{}#")
 
 Document = dict[str, Any]
 
 
-def toml_document(text: str, where: str, error: type[ModelgenError] = DataError) -> Document:
-    """Return what a TOML text says.
+def toml_document(
+    text: str, where: str, tables: Collection[str], error: type[ModelgenError] = DataError
+) -> Document:
+    """Return what a TOML text says, in a file with some of these tables.
 
     Raises
     ------
     ModelgenError
-        Of the given sort: when the text is no TOML, nests too deeply, or holds integers beyond 64 bits.
+        Of the given sort: when the text is no TOML, nests too deeply, holds integers beyond 64 bits, or is
+        that of another kind of file.
     """
     _check_depth(text, TOML_MARKS, where, error)
     if text.count("[") + text.count("{") > MOST_TOML_TABLES:
@@ -54,12 +66,17 @@ def toml_document(text: str, where: str, error: type[ModelgenError] = DataError)
     except tomllib.TOMLDecodeError as reason:
         found = re.fullmatch(r"(.*) \(at (.*)\)", str(reason), re.DOTALL)
         what, place = found.groups() if found else (str(reason), "TOML")
+        if PurePath(where).suffix not in ("", ".toml"):
+            raise error.at(where, f"is no TOML ({what}, {place})", "give a .toml file") from None
         raise error.at(f"{where}: {place}", f"is not valid TOML ({what})", _remedy(text, place)) from None
     except RecursionError:
         raise _too_deep(where, error) from None
     except ValueError:
         raise _too_long(where, error) from None
     _check_integers(document, where, error)
+    kind = next((KINDS[key] for key in document if key in KINDS), None)
+    if kind is not None and not document.keys() & set(tables):
+        raise error.at(where, f"is {kind}", f"give a file that has one of {', '.join(tables)}")
     return document
 
 

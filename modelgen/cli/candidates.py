@@ -61,7 +61,7 @@ def load_candidates(path: Path, chain: ChainSpec) -> Candidates:
     from modelgen.runtime.simulation.instrument import Instrument
     from modelgen.spec.chain import Sensor
 
-    given = toml_document(read_text(path, INSTRUMENTS), str(path))
+    given = toml_document(read_text(path, INSTRUMENTS), str(path), ("sensors", "actuators"))
     problems = list(_problems(str(path), given, chain))
     DataError.raise_any(problems)
     instruments = {

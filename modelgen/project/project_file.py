@@ -61,7 +61,7 @@ def load_project(path: Path, with_records: bool = True) -> Project:
     where = f"{path}: "
     if path.suffix != ".toml":
         raise DataError.at(str(path), "is no .toml file", PROJECT.remedy)
-    document = toml_document(read_text(path, PROJECT), str(path))
+    document = toml_document(read_text(path, PROJECT), str(path), ("records", "model", "spec"))
     problems: list[Problem] = []
     remedy = "write it as docs/how-to/monitor.md shows"
     table = typed(ProjectTable, document, where, remedy, problems)

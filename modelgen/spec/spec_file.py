@@ -41,7 +41,7 @@ def spec_file(text: str, source: str) -> SpecFile:
         raise SpecError.at(
             source, "is XML, no TOML", "of a URDF make a TOML file: modelgen new NAME --urdf FILE"
         )
-    document = toml_document(text, source, SpecError)
+    document = toml_document(text, source, ("bodies", "chain", "joints", "arm"), SpecError)
     return SpecFile(document, source, hashlib.sha256(content).hexdigest())
 
 

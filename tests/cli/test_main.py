@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from modelgen.cli.main import app
+from modelgen.spec.load import catalog_path
 from tests.render.test_physical_from_base import star_or_chain
 
 COMMANDS = (
@@ -342,6 +343,31 @@ def test_overwrite_never_replaces_what_a_command_reads_or_writes_otherwise(
     assert result.exit_code == 2
     assert "is the file of" in result.output
     assert (here / kept).read_text() == "t,q\n0,1\n1,2\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (("show", "map.toml"), "map.toml: is a mapping of columns (--map-file); give"),
+        (
+            ("run", "axis.toml"),
+            "axis.toml: is the description of a chain; give a file that has one of records",
+        ),
+        (
+            ("identify", "a.csv", "--spec", "emps300", "--map-file", "axis.toml"),
+            "axis.toml: is the description",
+        ),
+        (("show", "a.csv"), "a.csv: is no TOML"),
+    ],
+)
+def test_a_file_of_another_kind_is_named(here: Path, arguments: tuple[str, ...], what: str) -> None:
+    (here / "map.toml").write_text('[channels.q_m]\ncolumn = "q"\n')
+    (here / "axis.toml").write_bytes(catalog_path("emps300").read_bytes())
+    (here / "a.csv").write_text("t,q\n0,1\n1,2\n")
+    result = run(*arguments)
+    assert result.exit_code == 2
+    (said,) = [line for line in result.output.splitlines() if line.startswith("error")]
+    assert what in said
 
 
 def test_simulate_overwrites_only_if_asked(here: Path) -> None:

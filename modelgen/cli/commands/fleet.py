@@ -148,7 +148,7 @@ def _records(data: Sequence[Path], model: Model, options: DataOptions) -> list[F
     for path in data:
         where = path.resolve()
         stamp = _stamp(path, given)
-        if path.is_dir():
+        if path.is_dir() and any(path.glob("*.npy")):
             if how["fs"] is None:
                 raise DataError.at(str(path), "is a folder of arrays, which need --fs", "give --fs HZ")
             source = partial(_folder, where, how, str(path))

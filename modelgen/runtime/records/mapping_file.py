@@ -52,7 +52,7 @@ def load_mapping(path: str | Path) -> MappingFile:
     DataError
         With one problem per mistake in it.
     """
-    document = toml_document(read_text(path, MAPPING), str(path))
+    document = toml_document(read_text(path, MAPPING), str(path), ("channels", "time", "mend"))
     problems = _shape_problems(str(path), document)
     DataError.raise_any(problems)
     channels = document.get("channels", {})

@@ -45,7 +45,7 @@ def load_controller(path: Path) -> tuple[PositionVelocityController, Drive]:
         When the file cannot be read as TOML, or a table or key is wrong or missing.
     """
     where = str(path)
-    given = toml_document(read_text(path, CONTROLLER), where)
+    given = toml_document(read_text(path, CONTROLLER), where, ("controller", "drive"))
     problems = [missing_name(where, "table", key, ("controller", "drive")) for key in given if key not in
                 ("controller", "drive")]  # fmt: skip
     law, drive = given.get("controller", {}), given.get("drive", {})

@@ -206,7 +206,7 @@ def load_joint_controller(path: Path) -> JointController:
         When the file cannot be read as TOML, or a key is wrong.
     """
     where = str(path)
-    given = toml_document(read_text(path, CONTROLLER), where)
+    given = toml_document(read_text(path, CONTROLLER), where, ("controller",))
     problems = [missing_name(where, "table", key, ("controller",)) for key in given if key != "controller"]
     law = given.get("controller", {})
     if not isinstance(law, dict):
