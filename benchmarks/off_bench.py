@@ -97,6 +97,8 @@ def read(samples: FloatArray, kind: Kind, key: str, motion: Motion, n: int) -> F
     wrong = kind.readings.get(key, Reading())
     if wrong.lag_s:
         samples = lagged(samples, wrong.lag_s, motion.step)
+    if wrong.high_pass_hz:
+        samples = samples - lagged(samples, 0.5 / (np.pi * wrong.high_pass_hz), motion.step)
     t = (MARGIN + np.arange(n) * (1.0 + 1e-6 * wrong.clock_ppm)) / kind.fs - wrong.late_s
     fine = np.arange(samples.size) * motion.step
     return wrong.gain * np.interp(t, fine, samples) + wrong.zero

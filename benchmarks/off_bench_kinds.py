@@ -73,7 +73,10 @@ MACHINES = {
 
 @dataclass(frozen=True)
 class Reading:
-    """What is wrong with a channel: times in s, `lag_s` of a first-order filter, `step` of an encoder."""
+    """What is wrong with a channel: times in s, `lag_s` of a first-order filter, `step` of an encoder.
+
+    `high_pass_hz` is the corner of an AC coupling.
+    """
 
     late_s: float = 0.0
     clock_ppm: float = 0.0
@@ -81,6 +84,7 @@ class Reading:
     zero: float = 0.0
     lag_s: float = 0.0
     step: float = 0.0
+    high_pass_hz: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -222,6 +226,19 @@ def _readings() -> Iterator[Kind]:
         "drive",
         readings={"q_c": Reading(lag_s=1 / 2513.3)},
         named=("bandwidth", "q_c"),
+    )
+    yield Kind(
+        "accelerometer behind a high-pass of 0.5 Hz",
+        sensors=("q_m", "a_c"),
+        readings={"a_c": Reading(high_pass_hz=0.5)},
+        named=("high-pass", "a_c"),
+    )
+    yield Kind(
+        "accelerometer behind a high-pass of 0.5 Hz, drive",
+        "drive",
+        ("q_m", "a_c"),
+        readings={"a_c": Reading(high_pass_hz=0.5)},
+        named=("high-pass", "a_c"),
     )
     yield Kind(
         "accelerometer gain 1.02",

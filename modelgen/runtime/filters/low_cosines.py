@@ -6,7 +6,6 @@ A filter would begin with the first sample, be it a peak.
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import dct, idct
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filters.thresholds import COSINES_KEPT
@@ -26,6 +25,8 @@ def slowest(samples: FloatArray, count: int) -> FloatArray:
         wide = min(count, n)
         table = _TABLES.of((n, wide), lambda: _cosines(n, wide))
         return np.asarray(table @ (samples @ table))
+    from scipy.fft import dct, idct
+
     spectrum = dct(samples, norm="ortho")
     spectrum[count:] = 0.0
     return np.asarray(idct(spectrum, norm="ortho"))

@@ -79,6 +79,15 @@ def one_pass(sos: Sections) -> OnePass:
     return OnePass(within, gather, powers_of(A, BLOCK), np.ascontiguousarray(ahead.T), at_zero)
 
 
+def one_pole(pole: float) -> OnePass:
+    """Return the tables of y[k] = pole y[k - 1] + x[k], however slowly that ends."""
+    lag = np.arange(BLOCK)[None, :] - np.arange(BLOCK)[:, None]
+    within = np.where(lag >= 0, pole ** np.abs(lag), 0.0)
+    ahead = pole ** np.arange(1.0, BLOCK + 1.0)
+    powers = powers_of(np.array([[pole]]), BLOCK)
+    return OnePass(within, within[:, -1:].copy(), powers, ahead[None, :], 1.0 / (1.0 - pole))
+
+
 def forward_and_backward(sos: Sections, samples: FloatArray, mirrored: int) -> FloatArray:
     """Filter samples, shape (n,), forward and backward, both ends continued by so many of their odd mirror.
 

@@ -40,7 +40,7 @@ def chain_effects(model: Model, bodies: Sequence[str], turning: bool) -> Iterato
             yield _late_direction(friction)
     for name, role in model.roles.items():
         if role.role == "stiffness":
-            yield from _link_effects(name, role.bodies)
+            yield from _link_effects(name, role.ends)
 
 
 def _named(model: Model, body: str) -> set[str]:
@@ -90,8 +90,7 @@ def _late_direction(friction: Friction) -> Effect:
                   "record a motion that reverses less often", on_body(body, force))  # fmt: skip
 
 
-def _link_effects(stiffness: str, bodies: tuple[str, ...]) -> Iterator[Effect]:
-    pair = " and ".join(bodies)
+def _link_effects(stiffness: str, pair: str) -> Iterator[Effect]:
     bends, plays = _spring(stiffness, lambda d: d * d * d), _spring(stiffness, lambda d: -np.sign(d))
     stiffens = Effect(f"stiffening of {stiffness}", "form", f"{stiffness} between {pair} stiffens",
                       f"{stiffness} between {pair} softens",

@@ -35,6 +35,8 @@ CREEP, STRUCTURAL = "creep", "structural damping"
 # in it, which the others leave to an effect of its own.
 TWO_POLES = "two poles"
 LOW_PASSES = frozenset({"lag", "average", TWO_POLES})
+# Kind of a high-pass that a sensor is behind: of accelerometers, mostly.
+HIGH_PASS = "high-pass"
 # Kinds of what is elsewhere than a file says: by so many m, or so many rad.
 LENGTH, TILT = "length", "tilt"
 # Kinds that say when a channel is read.
@@ -50,9 +52,9 @@ class Effect:
     name : str
         "delay of q_c", unique.
     kind : str
-        "delay", "direction", "reversal" (friction there), "lag", "average", "two poles", "clock", "gain",
-        "zero", "constant", "force", "form" (one of many, of friction or of a link), "drift", "mass",
-        "resonance", "creep", "structural damping" or "ripple":
+        "delay", "direction", "reversal" (friction there), "lag", "average", "two poles", "high-pass",
+        "clock", "gain", "zero", "constant", "force", "form" (one of many, of friction or of a link), "drift",
+        "mass", "resonance", "creep", "structural damping" or "ripple":
         how its size is said, and how exactly it is known.
     words, negative : str
         What is said of it where its size is positive, and negative; empty where that cannot be.
@@ -178,6 +180,8 @@ class Effect:
             return f"{words} (late by {1e6 * shown:.3g} us)"
         if self.kind == "lag":
             return f"{words} (time constant about {1e6 * self._width(size):.2g} us)"
+        if self.kind == HIGH_PASS:
+            return f"{words} (corner about {shown / (2.0 * np.pi):.2g} Hz)"
         if self.kind == "average":
             return f"{words} (over about {1e6 * self._width(size):.2g} us)"
         if self.kind == "clock":

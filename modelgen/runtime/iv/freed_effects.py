@@ -13,6 +13,7 @@ from modelgen.runtime.iv.divergence import diverged, refuse_few, refuse_runaway
 from modelgen.runtime.iv.effect import RIPPLE, Effect
 from modelgen.runtime.iv.effect_rows import effect_rows, simulated_records
 from modelgen.runtime.iv.instrumental_variables import Setting, instruments, weighed
+from modelgen.runtime.iv.low_pass import without_starts
 from modelgen.runtime.iv.model_errors import zero_effect
 from modelgen.runtime.iv.thresholds import (
     EFFECT_CHANGE,
@@ -214,12 +215,13 @@ def on_other_records(
 ) -> tuple[tuple[Record, ...], tuple[Effect, ...], tuple[float, ...]]:
     """Return records that effects with their sizes were not found on, effects of these, and the known sizes.
 
-    Effects are as they are, but zeros of sensors and phases those of the records. Where these are the `tails`
-    of the records fitted, in their order, zeros are the same and are set right.
+    Effects are as they are, but zeros of sensors, phases and what a high-pass begins with are those of the
+    records. Where these are the `tails` of the records fitted, in their order, zeros are the same and are set
+    right.
     """
     count = len(records)
     waves = [wave for one in sized for wave in one.elsewhere(count)]
-    sized = {one: size for one, size in sized.items() if one.kind != RIPPLE}
+    sized = {without_starts(one, size): size for one, size in sized.items() if one.kind != RIPPLE}
     kept = {one: size for one, size in sized.items() if one.record is None}
     own = {one: size for one, size in sized.items() if one.record is not None}
     if tails:

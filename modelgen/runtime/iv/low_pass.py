@@ -7,6 +7,8 @@ that of a damping. Small sizes do not tell the two apart: both are tried, and th
 
 A sensor may also have two poles (an accelerometer, an anti-aliasing filter): 1 / (1 + a s + r a^2 s^2), late
 by a. What it leaves of a delay is of third order where r is a half (Butterworth): it is tried with a delay.
+
+Accelerometers with their amplifier in the sensor, and inputs with AC coupling, lose slow motion: s / (s + w).
 """
 
 from __future__ import annotations
@@ -17,15 +19,16 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import ComplexArray, FloatArray
-from modelgen.runtime.filters.one_pass import one_pass
+from modelgen.runtime.filters.one_pass import one_pass, one_pole
 from modelgen.runtime.iv.companion_simulation import Simulated
-from modelgen.runtime.iv.effect import TWO_POLES, Changes, Effect, Response, curvature
+from modelgen.runtime.iv.effect import HIGH_PASS, TWO_POLES, Changes, Effect, Response, curvature
 from modelgen.runtime.iv.thresholds import (
     BENDS,
     BUTTERWORTH,
     LARGEST_BEND_STEPS,
     LEAST_PASSED,
     LEAST_PASSED_BEND,
+    USUAL_CORNER,
 )
 from modelgen.runtime.least_squares.time_shifts import behind
 from modelgen.runtime.records.channels import Edit
@@ -116,6 +119,63 @@ def two_poles(key: str, bend: float = BUTTERWORTH, late: float = 0.0) -> Effect:
     return Effect(f"low-pass of {key}", TWO_POLES, read.format(key) + damping, other.format(key) + damping,
                   remedy, lambda simulated: by_delay(simulated, 0.0), key, edit, at=by_delay,
                   response=response, shape=lambda records: (shape,), moved=moved)  # fmt: skip
+
+
+def high_pass(key: str, near: float = 0.0, starts: Sequence[float] = ()) -> Effect:
+    """Return that a sensor is read behind a high-pass; its size is the corner, in rad/s.
+
+    It stays in the rows: undone in the channel, it would integrate the sensor's noise and zero. `starts` are
+    the integrals with which records begin, in the channel's unit times s, found at a size `near`.
+    """
+
+    def lost(simulated: Simulated, size: float) -> Changes:
+        size, dt = max(size, 0.0), simulated.record.dt
+        motion, read = simulated.record.signals[key], (simulated.measured or simulated.record).signals[key]
+        # what is read, and what of it is lost itself: it does not matter that the simulation is a little off
+        less = -_integral(read + size * _integral(motion, dt, size), dt, size)
+        return {key: less - starts[simulated.index] * _dying(len(less), dt, size) if starts else less}
+
+    def quiet(simulated: Simulated) -> Changes:
+        return {key: -_integral(simulated.record.signals[key], simulated.record.dt, near)}
+
+    def moved(size: float, steps: Sequence[float]) -> Effect:
+        if size <= 0.0:
+            return high_pass(key)
+        before = starts or [0.0] * len(steps)
+        return high_pass(key, size, [one - step / size for one, step in zip(before, steps, strict=True)])
+
+    def start(index: int) -> Effect:
+        def changes(simulated: Simulated) -> Changes:
+            record = simulated.record
+            return {key: _dying(record.n, record.dt, near)} if simulated.index == index else {}
+
+        name = f"start of the high-pass of {key} in record {index + 1}"
+        return Effect(name, HIGH_PASS, "", "", "", changes, key, record=index)
+
+    def each(records: int) -> tuple[Effect, ...]:
+        return tuple(start(index) for index in range(records))
+
+    words, remedy = f"{key} is read behind a high-pass (AC coupling)", "couple it by DC, or lower its corner"
+    return Effect(f"high-pass of {key}", HIGH_PASS, words, "", remedy, lambda one: lost(one, 0.0), key,
+                  at=lost, quiet=quiet, shape=each, moved=moved, elsewhere=each)  # fmt: skip
+
+
+def without_starts(effect: Effect, size: float = 0.0) -> Effect:
+    """Return an effect as other records have it, which begin otherwise, near to a size."""
+    return high_pass(effect.channel, size) if effect.kind == HIGH_PASS and effect.record is None else effect
+
+
+def _integral(samples: FloatArray, dt: float, corner: float) -> FloatArray:
+    """Return samples dt s apart behind 1 / (s + corner), the usual one for zero rad/s, shape (n,)."""
+    half = 0.5 * dt * (corner or USUAL_CORNER)
+    # the trapezoidal rule has no delay
+    means = 0.5 * dt / (1.0 + half) * (samples + np.concatenate([[0.0], samples[:-1]]))
+    return one_pole((1.0 - half) / (1.0 + half)).apply(means)
+
+
+def _dying(n: int, dt: float, corner: float) -> FloatArray:
+    """Return what of a one at the first sample is left behind a high-pass, shape (n,)."""
+    return np.asarray(np.exp(-(corner or USUAL_CORNER) * dt * np.arange(n)))
 
 
 def _at_rate_of(undone: Callable[[str, float, float], Edit]) -> Callable[[str, float, Record], Edit]:

@@ -16,7 +16,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.iv.chain_errors import chain_effects
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import Changes, Effect
-from modelgen.runtime.iv.low_pass import low_pass, two_poles
+from modelgen.runtime.iv.low_pass import high_pass, low_pass, two_poles
 from modelgen.runtime.iv.thresholds import LONGEST_LIMIT, SATURATED
 from modelgen.runtime.iv.varying_parameters import courses, falling_gain, varying_along, varying_effects
 from modelgen.runtime.least_squares.time_shifts import on_one_clock, shift
@@ -111,6 +111,8 @@ def _sensor_effects(sensor: Sensor, records: int) -> Iterator[Effect]:
     key = sensor.key
     yield replace(delay_effect(key), alike=(two_poles(key),))
     yield low_pass(key, force=False)
+    if sensor.measures == "acceleration":
+        yield high_pass(key)
     yield _clock(key)
     gain = f"the gain of {key} is off"
     yield Effect(

@@ -116,6 +116,8 @@ LEAST_PASSED, LEAST_PASSED_BEND = 0.2, 8
 # A low-pass of two poles that is late by a is 1 / (1 + a s + r a^2 s^2): r of Butterworth's, the range from
 # two equal poles to a damping ratio of 0.4, and the longest steps.
 BUTTERWORTH, BENDS, LARGEST_BEND_STEPS = 0.5, (0.25, 1.5), (-0.25, 0.25)
+# A high-pass is looked for as one of this corner in rad/s: accelerometers have time constants of a second.
+USUAL_CORNER = 1.0
 # The speed below which friction rises (Stribeck) is tried at this quantile of the speeds in all records.
 SLOW_QUANTILE = 0.1
 # Below this share of its largest speed, a body is at rest.

@@ -51,7 +51,7 @@ def varying_effects(model: Model, records: Sequence[Record]) -> Iterator[Effect]
                 yield _with_load(name, body)
         yield from _set_anew(name, partial(_stiffened, name), SETTINGS, records)
         if position:
-            yield _stiffer(name, " and ".join(role.bodies), *position)
+            yield _stiffer(name, role.ends, *position)
 
 
 def falling_gain(

@@ -75,3 +75,8 @@ class Role:
 
     role: str
     bodies: tuple[str, ...]
+
+    @property
+    def ends(self) -> str:
+        """Both ends of a link, in words: that to the ground names one body."""
+        return " and ".join(self.bodies if len(self.bodies) > 1 else (*self.bodies, "the ground"))

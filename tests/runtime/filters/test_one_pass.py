@@ -9,7 +9,7 @@ from scipy.signal import butter, lfilter, sosfilt, sosfilt_zi, sosfiltfilt, sosf
 
 from modelgen.errors import DataError
 from modelgen.runtime.filters.butterworth import butterworth
-from modelgen.runtime.filters.one_pass import BLOCK, one_pass
+from modelgen.runtime.filters.one_pass import BLOCK, one_pass, one_pole
 from modelgen.runtime.filters.power_spectrum import quick_length
 from modelgen.runtime.filters.zero_phase import zero_phase
 
@@ -56,6 +56,15 @@ def test_a_lag_of_first_order_is_that_of_scipy(tau: float) -> None:
     expected = lfilter([0.5, 0.5], [0.5 + tau, 0.5 - tau], samples)
     got = one_pass(((0.5, 0.5, 0.0, 0.5 + tau, 0.5 - tau, 0.0),)).apply(samples)
     np.testing.assert_allclose(got, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("pole", [-0.5, 0.0, 0.3, 0.999, 1.0 - 1e-9])
+@pytest.mark.parametrize("n", [40, BLOCK, 3001])
+def test_one_pole_is_that_of_scipy(pole: float, n: int) -> None:
+    samples = np.random.default_rng(2).standard_normal(n)
+    np.testing.assert_allclose(
+        one_pole(pole).apply(samples), lfilter([1.0], [1.0, -pole], samples), atol=1e-10
+    )
 
 
 def test_lengths_for_transforms_are_those_of_scipy() -> None:

@@ -1,4 +1,4 @@
-"""A sensor behind a low-pass of two poles: undone exactly, and found in place of a delay."""
+"""Sensors behind a low-pass of two poles (undone exactly, found in place of a delay), or a high-pass."""
 
 from __future__ import annotations
 
@@ -8,12 +8,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.signal import butter, sosfilt
+from scipy.signal import butter, sosfilt, tf2sos
 
 from generated import emps300_qm_ac
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.iv.companion_simulation import Simulated
-from modelgen.runtime.iv.low_pass import lag_for_delay, low_pass, noise_passed, two_poles
+from modelgen.runtime.iv.low_pass import (
+    high_pass,
+    lag_for_delay,
+    low_pass,
+    noise_passed,
+    two_poles,
+    without_starts,
+)
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
@@ -89,12 +96,44 @@ def test_the_damping_moves_within_what_sensors_have() -> None:
     assert "damping ratio of 0.71 (late by 1e+03 us)" in effect.moved(0.0, [1.0]).said(1e-3)
 
 
-def low_passed_records(corner_hz: float, seed: int) -> list[Record]:
-    """A chirp and a trapezoid; the accelerometer is read behind Butterworth's filter of second order."""
+def of_sensor(read: np.ndarray, true: np.ndarray, index: int = 0) -> Simulated:
+    """What an accelerometer reads, and what it would read without a high-pass."""
+    records = (Record({"a": one}, FS, "run") for one in (true, read))
+    return Simulated(None, next(records), {}, index, measured=next(records))  # type: ignore[arg-type]
+
+
+def high_passed(true: np.ndarray, corner: float, begun: float) -> np.ndarray:
+    """A signal behind s / (s + corner), `corner` in rad/s, whose integral begins with `begun`."""
+    half = 0.5 * corner / FS
+    passed = sosfilt(tf2sos([0.5 / FS, 0.5 / FS], [1.0 + half, half - 1.0]), true)
+    return true - corner * (passed + begun * np.exp(-corner * np.arange(true.size) / FS))
+
+
+@pytest.mark.parametrize("off", [0.0, 0.1])
+def test_what_a_high_pass_loses_is_known_from_the_reading(off: float) -> None:
+    """The motion is simulated `off` by that share."""
+    n, corner, begun = 20000, 2.0, 0.3
+    t = np.arange(n) / FS
+    true = 20.0 * np.sin(2.0 * np.pi * 1.5 * t**2)
+    read = high_passed(true, corner, begun)
+    effect = high_pass("a").moved(corner, [-corner * begun])  # type: ignore[misc]
+    lost = corner * effect.added(of_sensor(read, (1.0 + off) * true), corner)["a"]
+    # what is lost of what begins dies away
+    later = slice(int(3.0 * FS), n)
+    np.testing.assert_allclose(lost[later], (read - true)[later], atol=0.02 + 4.0 * off)
+    other = without_starts(effect, corner)
+    anew = corner * other.added(of_sensor(read, true), corner)["a"]
+    (begins,) = other.elsewhere(1)
+    dies = begins.changes(of_sensor(read, true))["a"]
+    np.testing.assert_allclose(anew - corner * begun * dies, lost, atol=0.02 + 4.0 * off)
+    assert not begins.changes(of_sensor(read, true, index=1))
+
+
+def filtered_records(sos: np.ndarray, seed: int) -> list[Record]:
+    """A chirp and a trapezoid; the accelerometer is read behind a filter in second-order sections."""
     found, noise = list[Record](), np.random.default_rng(seed)
     for kind in ("chirp", "trapezoid"):
         clean = simulate(QM_AC, PARAMETERS, kind, fs=FINE * FS, duration_s=2.0).record
-        sos = butter(2, corner_hz, fs=FINE * FS, output="sos")
         signals = {**clean.signals, "a_c": sosfilt(sos, clean.signals["a_c"])}
         sizes = {"q_m": 2e-5, "a_c": 1.0, "Gamma_m": 1e-5}
         read = {
@@ -108,10 +147,23 @@ def low_passed_records(corner_hz: float, seed: int) -> list[Record]:
 @pytest.mark.slow
 @pytest.mark.parametrize("corner_hz", [300.0, 600.0])
 def test_an_accelerometer_behind_a_low_pass_of_second_order_is_named_and_set_right(corner_hz: float) -> None:
-    estimate = identify(QM_AC, low_passed_records(corner_hz, seed=3))
+    sos = butter(2, corner_hz, fs=FINE * FS, output="sos")
+    estimate = identify(QM_AC, filtered_records(sos, seed=3))
     told = [one.what for one in estimate.checks.advice]
     assert any("a_c is read through a low-pass of its own, of second order" in what for what in told)
     assert not any("hold what that moves" in what for what in told)
     for name, value in PARAMETERS.items():
         assert abs(estimate.params[name] - value) < 3.0 * estimate.bse[name], name
     assert estimate.bse["K"] < 3e-3 * TRUTH["K"]
+
+
+@pytest.mark.slow
+def test_an_accelerometer_behind_a_high_pass_is_named_and_its_intervals_hold() -> None:
+    """Slow motion is lost: a load's inertia, stiffness and damping were refused, and friction was off."""
+    sos = butter(1, 0.5, "highpass", fs=FINE * FS, output="sos")
+    estimate = identify(QM_AC, filtered_records(sos, seed=3))
+    told = [one.what for one in estimate.checks.advice]
+    assert any("a_c is read behind a high-pass (AC coupling) (corner about 0.5 Hz)" in what for what in told)
+    for name, value in PARAMETERS.items():
+        assert abs(estimate.params[name] - value) < 3.0 * estimate.bse[name], name
+    assert estimate.bse["J_c"] < 5e-3 * TRUTH["J_c"]

@@ -18,6 +18,7 @@ from modelgen.runtime.iv.effect import Effect, unlike
 from modelgen.runtime.iv.effect_rows import simulated_records
 from modelgen.runtime.iv.low_pass import low_pass, without_average, without_lag
 from modelgen.runtime.iv.model_errors import effects_of, zero_effects
+from modelgen.runtime.model.mechanical_parts import Role
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from tests.runtime.two_mass_records import FS, GEARED, RAMPS, SMALL, TRUTH, two_mass_records
@@ -274,3 +275,8 @@ def test_friction_that_falls_with_the_speed_has_one_speed_for_all_records() -> N
     first, second = simulated_records(fit, job.setting())
     assert first.slow == second.slow
     assert all(speed > 0.0 for speed in first.slow.values())
+
+
+def test_a_link_to_the_ground_is_named_by_both_its_ends() -> None:
+    assert Role("stiffness", ("a", "b")).ends == "a and b"
+    assert Role("stiffness", ("a",)).ends == "a and the ground"

@@ -34,6 +34,7 @@ from modelgen.runtime.identification.methods import IV, WLS, Method
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LATE_CLEARLY, SEARCHED, STRETCHES
 from modelgen.runtime.iv.effect import RIPPLE, Effect
+from modelgen.runtime.iv.low_pass import without_starts
 from modelgen.runtime.iv.model_errors import zero_effect
 from modelgen.runtime.iv.score_tests import Score, slope_of
 from modelgen.runtime.iv.shapes.shaped_effects import fit_in_shape
@@ -275,7 +276,7 @@ def _of_records(effects: tuple[Effect, ...], record_of: list[int], records: int)
     for effect in effects:
         if effect.record is not None:
             effect = zero_effect(effect.channel, record_of[effect.record], records)
-        found[effect.name] = effect
+        found[effect.name] = without_starts(effect)
     return tuple(found.values())
 
 
