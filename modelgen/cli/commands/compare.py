@@ -150,7 +150,7 @@ def _known(models: Mapping[str, Model], values: Mapping[str, float]) -> dict[str
     from modelgen.runtime.model.known_parameters import with_known
     from modelgen.runtime.records.record import missing_name
 
-    names = list(dict.fromkeys(n for model in models.values() for n in (*model.parameters, *model.known)))
+    names = list(dict.fromkeys(n for model in models.values() for n in model.every_parameter))
     problems = [missing_name("--set", "parameter", name, names) for name in values if name not in names]
     DataError.raise_any(problems)
     return {

@@ -66,7 +66,7 @@ def also_read(channels: ArmChannels, reads: Iterable[tuple[str, int]]) -> ArmCha
     forces = {one["key"]: one for one in channels.actuators}
     signals = {one["key"]: one for one in channels.signals}
     for source, order in reads:
-        key = _differentiated(source, order)
+        key = differentiated(source, order)
         if source in by_key:
             signals.setdefault(key, _read(by_key[source], order))
         elif source in forces:
@@ -127,9 +127,9 @@ def _of_sensors(module: Any) -> ArmChannels:
     speeds, given, derived = [], [], {}
     for name, terms in module.SPEEDS.items():
         key = _speed_key(terms, [*by_key, *pushing], name)
-        sums = tuple((factor, _differentiated(channel, times)) for factor, channel, times in terms)
+        sums = tuple((factor, differentiated(channel, times)) for factor, channel, times in terms)
         if any(channel in estimated for _, channel, _ in terms):
-            given.append(Speed(name, _differentiated(key, 1), sums))
+            given.append(Speed(name, differentiated(key, 1), sums))
             continue
         if key not in by_key:
             times = _times(module, name, terms)
@@ -137,7 +137,7 @@ def _of_sensors(module: Any) -> ArmChannels:
             turns = _turns(module, name) or _turns(module, name.removesuffix(COUPLED))
             by_key[key] = _sensor(key, f"{name} motor", ("velocity", "position")[times], turns)
             sensors.append(by_key[key])
-        speed = _differentiated(key, 1 if by_key[key]["measures"] == "position" else 0)
+        speed = differentiated(key, 1 if by_key[key]["measures"] == "position" else 0)
         signals.setdefault(speed, _read(by_key[key], _split(speed)[1]))
         speeds.append(Speed(name, speed, sums))
     left = tuple(key for key, one in signals.items() if one["actuator"] is not None)
@@ -222,12 +222,12 @@ def _read(sensor: Entry, order: int) -> Entry:
     """Return the signal of a sensor's channel, differentiated so many times."""
     first = _FIRST.index(sensor["measures"])
     unit = _per_s("rad" if sensor["unit"].startswith("rad") else "m", first + order)
-    return _signal(_differentiated(sensor["key"], order), sensor["key"], None, order, unit)
+    return _signal(differentiated(sensor["key"], order), sensor["key"], None, order, unit)
 
 
 def _pushed(force: Entry, order: int) -> Entry:
     unit = _per_s(force["unit"], order)
-    return _signal(_differentiated(force["key"], order), None, force["key"], order, unit)
+    return _signal(differentiated(force["key"], order), None, force["key"], order, unit)
 
 
 def _carried(key: str) -> Entry:
@@ -243,7 +243,8 @@ def _signal(key: str, sensor: str | None, actuator: str | None, derivative: int,
     return {"key": key, "sensor": sensor, "actuator": actuator, "derivative": derivative, "unit": unit}
 
 
-def _differentiated(channel: str, times: int) -> str:
+def differentiated(channel: str, times: int) -> str:
+    """Return the key of a channel's derivative, as modules write it: d2_q_m."""
     return f"d{times}_{channel}" if times else channel
 
 

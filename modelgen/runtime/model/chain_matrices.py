@@ -48,7 +48,7 @@ class ChainMatrices:
 def chain_matrices(model: Model) -> ChainMatrices:
     """Return the matrices of a model's chain, linear about rest: cubes have no part in them."""
     order = body_inertias(model)
-    names = _names(model)
+    names = model.every_parameter
     heavy = {name: float(name in {inertia for _, inertia in order}) for name in names}
     n = len(order)
     stiffness, damping = {}, {}
@@ -72,7 +72,7 @@ def body_inertias(model: Model) -> tuple[tuple[str, str], ...]:
 
     A body is the row of velocities that answers to its inertia, whatever the values of the other parameters.
     """
-    ones = dict.fromkeys(_names(model), 1.0)
+    ones = dict.fromkeys(model.every_parameter, 1.0)
     directions = {friction.body: 1 for friction in model.friction}
     light = model.state_space(ones, directions)
     count = len(light.A) // 2
@@ -86,10 +86,6 @@ def body_inertias(model: Model) -> tuple[tuple[str, str], ...]:
         for row, body in zip(rows, role.bodies, strict=True):
             found[row] = body, name
     return tuple(found)
-
-
-def _names(model: Model) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((*model.parameters, *model.known)))
 
 
 def _A(model: Model, values: Mapping[str, float], way: int) -> FloatArray:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.model.arm_channels import Speed
+from modelgen.runtime.model.arm_channels import Speed, differentiated
 from modelgen.runtime.model.arm_kernel import ArmKernel, Read, Sum
 from modelgen.runtime.model.given_directions import Succession, Turning, given_directions
 from modelgen.runtime.numerics.lagging import FURTHER, lagged
@@ -42,7 +42,7 @@ class GivingRow(NamedTuple):
 
     def acting(self, order: int) -> tuple[int, ...]:
         """Return the columns that the position counts in (0), of a spring, or its speed (1), of a damper."""
-        key = _ordered(self.channel, order)
+        key = differentiated(self.channel, order)
         return tuple(c for c, terms in self.columns.items() if any(name == key for _, name in terms))
 
 
@@ -147,10 +147,12 @@ class DeflectedKernel:
         moves: dict[int, list[tuple[str, FloatArray]]] = {}
         for row in self.giving:
             position, slopes = self._given(row, read, count, succession)
-            given |= {_ordered(row.channel, o): value for o, value in enumerate(position)}
+            given |= {differentiated(row.channel, o): value for o, value in enumerate(position)}
             for column, slope in slopes.items():
                 ordered = enumerate(slope)
-                moves.setdefault(column, []).extend((_ordered(row.channel, o), value) for o, value in ordered)
+                moves.setdefault(column, []).extend(
+                    (differentiated(row.channel, o), value) for o, value in ordered
+                )
         signals = {key: read[self.reads_of[key]] for key in self.kernel.inputs if key in self.reads_of}
         signals |= given
         found = dict(self.kernel.lines(signals)) if self.kernel.keys else {}
@@ -177,7 +179,7 @@ class DeflectedKernel:
 
     def orders_of(self, row: GivingRow) -> tuple[int, int]:
         """Return the highest derivative of a given position that entries hold, and that is worked out."""
-        highest = max(order for order in range(3) if _ordered(row.channel, order) in self.kernel.inputs)
+        highest = max(order for order in range(3) if differentiated(row.channel, order) in self.kernel.inputs)
         damped = any(without_sought(terms, row.channel).speed for terms in (row.left, *row.columns.values()))
         return highest, highest + (FURTHER if damped else 0)
 
@@ -237,7 +239,7 @@ class DeflectedKernel:
         found = {}
         for row in self.giving:
             for order, step in enumerate(STEPS):
-                key = _ordered(row.channel, order)
+                key = differentiated(row.channel, order)
                 found[key] = self._along_sums(key, turning)
                 if key not in self.kernel.inputs or not self.kernel.keys:
                     continue
@@ -284,14 +286,10 @@ def shift_key(row: int) -> str:
     return f"shift {row}"
 
 
-def _ordered(channel: str, order: int) -> str:
-    return f"d{order}_{channel}" if order else channel
-
-
 def without_sought(terms: Sum, channel: str) -> _Parts:
     """Return a sum without a position that is sought, and what that and its speed are multiplied by."""
     weights = {key: weight for weight, key in terms}
-    position, speed = (weights.pop(_ordered(channel, order), 0.0) for order in (0, 1))
+    position, speed = (weights.pop(differentiated(channel, order), 0.0) for order in (0, 1))
     return _Parts(tuple((weight, key) for key, weight in weights.items()), position, speed)
 
 

@@ -116,6 +116,11 @@ class Model:
         return {one.key: one.unit for one in self.sensors} | {one.key: one.unit for one in self.actuators}
 
     @property
+    def every_parameter(self) -> tuple[str, ...]:
+        """Names of the parameters to estimate, then of those that are known."""
+        return tuple(dict.fromkeys((*self.parameters, *self.known)))
+
+    @property
     def is_arm(self) -> bool:
         """Whether it is that of an arm: its rows are nonlinear in positions, and it has no state space."""
         return isinstance(self.module, ArmFunctions)

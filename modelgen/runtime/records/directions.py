@@ -98,7 +98,7 @@ def summed_shares(model: Model, body: str) -> dict[str, float]:
     """Return sensors of position or velocity, with factors in SI, whose sum is a body's motion; or none."""
     bodies = chain_matrices(model).bodies
     directions = {one.body: 1 for one in model.friction}
-    C = model.state_space(dict.fromkeys((*model.parameters, *model.known), 1.0), directions).C
+    C = model.state_space(dict.fromkeys(model.every_parameter, 1.0), directions).C
     found = [(one, place) for place, one in enumerate(model.sensors) if one.order < 2]
     levers = np.array([C[place, one.order * len(bodies) :][: len(bodies)] for one, place in found])
     own = np.array([float(one == body) for one in bodies])

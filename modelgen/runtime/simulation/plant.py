@@ -111,7 +111,7 @@ def felt_accelerations(model: Model) -> FloatArray:
     The direct model holds it only multiplied by the equations of motion: C is it times the lower half of
     A, likewise with B and E, whatever the parameters; random ones make the equations independent.
     """
-    names = _needed(model)
+    names = model.every_parameter
     draws = np.random.default_rng(0).uniform(1.0, 2.0, len(names))
     space = model.state_space(dict(zip(names, draws.tolist(), strict=True)), {})
     motion = np.hstack((space.A, space.B, space.E))[len(space.A) // 2 :]
@@ -132,7 +132,9 @@ def sensor_levers(model: Model) -> FloatArray:
     In SI, shape (sensors, bodies); of accelerometers they have lost the digits that solving equations costs.
     """
     found = felt_accelerations(model)
-    C = model.state_space(dict.fromkeys(_needed(model), 1.0), {one.body: 1 for one in model.friction}).C
+    C = model.state_space(
+        dict.fromkeys(model.every_parameter, 1.0), {one.body: 1 for one in model.friction}
+    ).C
     for place, sensor in enumerate(model.sensors):
         if sensor.order < 2:
             found[place] = C[place, sensor.order * found.shape[1] :][: found.shape[1]]
@@ -160,7 +162,7 @@ def make_plant(model: Model, parameters: Mapping[str, float], actuator: str | No
     column = _actuator_column(model, actuator)
     check_named_values("parameters", parameters)
     values = {**model.known, **parameters}
-    values = checked_values(model, _needed(model), values)
+    values = checked_values(model, model.every_parameter, values)
     bodies, inertia = _bodies(model, values)
     driven = bodies.index(model.actuators[column].body)
     return Plant(model, MappingProxyType(values), bodies, inertia, column, driven)
@@ -210,10 +212,6 @@ def refuse_lacking_forces(plant: Plant, record: Record) -> None:
 def body_order(model: Model) -> tuple[str, ...]:
     """Return the bodies in the order of the state."""
     return tuple(body for body, _ in body_inertias(model))
-
-
-def _needed(model: Model) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((*model.parameters, *model.known)))
 
 
 def _actuator_column(model: Model, actuator: str | None) -> int:

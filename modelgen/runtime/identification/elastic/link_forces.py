@@ -16,7 +16,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.identification.elastic.row_forces import RowForce, nothing, passed
 from modelgen.runtime.identification.thresholds import MOST_ALIGNED_GAIN
 from modelgen.runtime.iv.effect import LENGTH, TILT
-from modelgen.runtime.model.arm_channels import moving_joints
+from modelgen.runtime.model.arm_channels import differentiated, moving_joints
 from modelgen.runtime.model.arm_functions import base_factors
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -134,7 +134,7 @@ def link_readings(model: Model, order: int = 0) -> dict[str, FloatArray]:
     for one in module.SENSORS:
         times = order - READ.index(one["measures"]) if one["measures"] in READ else -1
         if times >= 0:
-            key = f"d{times}_{one['key']}" if times else one["key"]
+            key = differentiated(one["key"], times)
             read = reading_of(one["joint"], one["side"], module.TRANSMISSION, joints, driven, 2 * len(joints))
             found[key] = read
     return found

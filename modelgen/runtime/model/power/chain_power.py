@@ -9,6 +9,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError
+from modelgen.runtime.model.arm_channels import differentiated
 from modelgen.runtime.model.model import Feature, Model, Signal, Terms
 from modelgen.runtime.model.power.balance_lines import BalanceLines
 
@@ -98,7 +99,7 @@ def _speeds(model: Model) -> tuple[dict[str, str], tuple[Signal, ...]]:
             continue
         times = 1 - sensor.order
         if (sensor.key, times) not in places:
-            made = Signal(f"d{times}_{sensor.key}" if times else sensor.key, sensor.key, None, times, "")
+            made = Signal(differentiated(sensor.key, times), sensor.key, None, times, "")
             places[sensor.key, times] = made.key
             further.append(made)
         found[sensor.body] = places[sensor.key, times]

@@ -64,7 +64,7 @@ def link_poses(graph: Graph, spec: ArmSpec) -> dict[str, Pose]:
 
 
 def in_base(graph: Graph, rotation: Rotation, vector: Sequence[Ref]) -> Vector:
-    """Return a vector of a link's frame along the axes of the base."""
+    """Return a vector of a link's frame along the axes of the base; or the product of any matrix of 3 x 3."""
     x, y, z = (graph.dot(row, vector) for row in rotation)
     return x, y, z
 

@@ -6,6 +6,7 @@ from collections.abc import Collection
 
 from modelgen.spec.arms.arm import ArmSpec, Joint
 from modelgen.symbolic.arms.drives import coordinates, drive_columns, drives, motor_coordinate, spring_columns
+from modelgen.symbolic.arms.dynamics.geometry import in_base
 from modelgen.symbolic.arms.expressions.graph import ZERO, Graph, Ref, Symbol
 from modelgen.symbolic.arms.kinematics import (
     NONE,
@@ -66,9 +67,9 @@ def _link_wrench(graph: Graph, joint: Joint, motion: LinkMotion, regrouped: Coll
     moment, mass = first_moment(graph, joint, regrouped)
     tensor = inertia(graph, joint, regrouped)
     linear, angular = motion.acceleration.linear, motion.acceleration.angular
-    force = plus(graph, _times(graph, motion.gradient, moment), scaled(graph, mass, linear))
-    gyroscopic = cross(graph, motion.speed.angular, _times(graph, tensor, motion.speed.angular))
-    torque = plus(graph, _times(graph, tensor, angular), gyroscopic)
+    force = plus(graph, in_base(graph, motion.gradient, moment), scaled(graph, mass, linear))
+    gyroscopic = cross(graph, motion.speed.angular, in_base(graph, tensor, motion.speed.angular))
+    torque = plus(graph, in_base(graph, tensor, angular), gyroscopic)
     return force, plus(graph, torque, cross(graph, moment, linear))
 
 
@@ -134,8 +135,3 @@ def _into_parent(graph: Graph, joint: Joint, place: Placement, vector: Vector) -
         for row in place.rotation
     )
     return a, b, c
-
-
-def _times(graph: Graph, matrix: tuple[Vector, Vector, Vector], vector: Vector) -> Vector:
-    x, y, z = (graph.dot(row, vector) for row in matrix)
-    return x, y, z
