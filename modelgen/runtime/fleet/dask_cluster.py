@@ -166,7 +166,8 @@ def _local_cluster(workers: int) -> Iterator[Any]:
         dask.config.set(servers.KEPT),  # asked for whenever a worker is lost
     ):
         try:
-            cluster = _started(dask, servers, workers, folder)
+            with servers.interrupted_afterwards():
+                cluster = _started(dask, servers, workers, folder)
             yield cluster
         finally:
             with suppress(TimeoutError):  # on a busy machine a worker may never say that it is gone

@@ -9,6 +9,8 @@ from __future__ import annotations
 import logging
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
@@ -77,3 +79,20 @@ def local_cluster(workers: int, folder: str, environment: dict[str, str], starti
         silence_logs=LOGGED,
         name="modelgen",
     )
+
+
+@contextmanager
+def interrupted_afterwards() -> Iterator[None]:
+    """Keep an interruption until a cluster has started: dask cannot end what has started in part."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if came:
+            raise KeyboardInterrupt

@@ -23,6 +23,7 @@ from modelgen.runtime.files.npy_channels import NpyChannels, open_npy
 from modelgen.runtime.fleet import checkpoint
 from modelgen.runtime.fleet.dask_cluster import GivenUpError, Watch, fleet_client
 from modelgen.runtime.fleet.identify_fleet import FleetRecord, identify_fleet
+from modelgen.runtime.fleet.servers import interrupted_afterwards
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import IV
 from modelgen.runtime.identification.options import values_of
@@ -221,6 +222,16 @@ def test_workers_use_one_thread_and_keep_their_memory(client: Any) -> None:
     # dask's own setting gives memory back above 64 kB
     wanted = {"MALLOC_TRIM_THRESHOLD_": "268435456", "MALLOC_MMAP_THRESHOLD_": "33554432"}
     assert {name: found[name] for name in wanted} == {n: os.environ.get(n, v) for n, v in wanted.items()}
+
+
+def test_an_interruption_waits_until_a_cluster_has_started() -> None:
+    """dask's own exit ends in a traceback where a cluster has started in part."""
+    before, started = signal.getsignal(signal.SIGINT), False
+    with pytest.raises(KeyboardInterrupt), interrupted_afterwards():
+        os.kill(os.getpid(), signal.SIGINT)
+        started = True
+    assert started
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_an_interruption_is_for_who_waits_alone(client: Any) -> None:
