@@ -157,9 +157,13 @@ def test_files_that_are_not_there_are_said_before_workers_start(tmp_path: Path) 
 
 
 def test_what_is_missing_is_said(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["fleet", str(tmp_path), "--model", str(MODULE), "--cutoff-hz", "300"])
+    command = ["fleet", str(tmp_path), "--model", str(MODULE), "--cutoff-hz", "300"]
+    np.save(tmp_path / "q_m.npy", np.zeros(9))
+    result = CliRunner().invoke(app, command)
     assert result.exit_code == 2
     assert "need --fs" in result.stderr
+    (tmp_path / "q_m.npy").rename(tmp_path / "run.npz")  # a folder of other files is none of arrays
+    assert "is a folder; give a file in it: run.npz" in CliRunner().invoke(app, command).stderr
 
 
 def test_readings_of_a_folder_are_mended_as_those_of_a_file_are(tmp_path: Path) -> None:
