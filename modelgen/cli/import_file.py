@@ -131,7 +131,7 @@ def _describe(source: Source, name: str, values: Any) -> Description:
     there = values[np.isfinite(values)] if numbers else np.empty(0)
     return {
         "column": name,
-        "unit": source.units.get(name),
+        "unit": source.units.get(name) or None,
         "si_unit": unit.si if unit else None,
         "factor": unit.factor if unit else None,
         "times": source.clocks.get(name, source.clock),

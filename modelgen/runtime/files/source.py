@@ -44,7 +44,7 @@ class Source:
     name, tag : str, optional
         Name and tag of a record that was written by modelgen.
     units : mapping of str to str
-        Column to the unit the file states for it, as it is written there.
+        Column to the unit the file states for it, as it is written there; else to that in its name.
     clocks : mapping of str to str
         Column to the column of its times, where the file has several.
     took : tuple of str
@@ -73,6 +73,16 @@ class Source:
     of_matrices: frozenset[str] = frozenset()
     starts: Mapping[str, int | None] = field(default_factory=dict)
     joined: bool = False
+
+    def __post_init__(self) -> None:
+        named = {name: unit for name, (_, unit) in zip(self.names, split_titles(self.names), strict=True)}
+        units = {name: unit for name, unit in named.items() if unit} | dict(self.units)
+        object.__setattr__(self, "units", units)
+
+    def unit_of(self, column: str, key: str = "") -> str:
+        """Return the unit of a column, "" for none; a channel's own key, as of a joint "turns", has none."""
+        unit = self.units.get(column, "")
+        return "" if column == key and split_name(column) == (column, unit) else unit
 
     @cached_property
     def known(self) -> frozenset[str]:
@@ -131,11 +141,12 @@ def columns_of_titles(where: str, titles: Sequence[str]) -> list[tuple[str, str 
 
 
 def is_time_name(name: str) -> bool:
-    """Return whether a column of this name holds times, "time_s" too; "time (2)" is the second one of a file.
-
-    "T_s" may be a torque.
+    """Return whether a column of this name holds times, "time_s" and "log.time" too; "time (2)" is the second
+    one of a file. "T_s" and "motor.T" may be torques.
     """
-    base = name.partition(" (")[0].strip().strip('"')
+    group, _, base = name.partition(" (")[0].strip().strip('"').rpartition(".")
+    if group and base == "T":
+        return False
     with_unit = WITH_UNIT.fullmatch(base)
     return (with_unit.group(1) if with_unit else base).lower() in TIME_NAMES
 
@@ -158,6 +169,8 @@ def source_of_shapes(
     matrices = {name: column for name, column in matrices.items() if name not in shapes}
     fs = next((scalars[key] for key in FS_NAMES if key in scalars), None)
     units = dict(facts.pop("units", None) or {})
+    of = {column.matrix: split_name(column.matrix)[1] for column in matrices.values()}
+    units = {name: unit for name, column in matrices.items() if (unit := of[column.matrix])} | units
     units |= {name: units[column.matrix] for name, column in matrices.items() if column.matrix in units}
 
     def load_columns(names: Sequence[str]) -> Columns:
@@ -169,7 +182,12 @@ def source_of_shapes(
         }
 
     facts |= {"took": (*facts.pop("took", ()), *said), "of_matrices": frozenset(matrices)}
-    return Source(path, (*vectors, *matrices), load_columns, scalars, fs=fs, units=units, **facts)
+    columns = (*vectors, *matrices)
+    times = {name.rpartition(".")[0]: name for name in columns if "." in name and is_time_name(name)}
+    if len(times) > 1:  # of structures or groups, each with its own
+        groups = {name: name.rpartition(".")[0] for name in columns if name not in times.values()}
+        facts["clocks"] = {name: times[group] for name, group in groups.items() if group in times}
+    return Source(path, columns, load_columns, scalars, fs=fs, units=units, **facts)
 
 
 def source_of_arrays(

@@ -21,7 +21,7 @@ LONGEST_TITLE = (
 LONGEST_INITIAL = 2  # characters of a joint's name that may be a unit, too: m, in, but not deg
 # Words that are units wherever a name has them, apart from the rest or behind small letters as in posDeg.
 # Letters and short words may be bodies or attributes (m, in, min): they count in brackets only.
-_ANY_CASE = "m?rad|deg|degs|degrees?|rev|revs|turns?|arcsec|arcmin|k?rpm|dps|rps|[mu]?sec|mils?|inch|mm"
+_ANY_CASE = "m?rad|deg|degs|degrees?|rev|revs|turns|arcsec|arcmin|k?rpm|dps|rps|[mu]?sec|mils?|inch|mm"
 _ANY_CASE += "|counts?|cts|ticks?|incs?|lsb"
 _AS_WRITTEN = "°|ms|[uµ]s|ns|[uµ]m|cm|[mk]?N·?m|N·?[mc]m|kN|mN|mA|mV"
 NAMED_UNIT = re.compile(

@@ -47,7 +47,7 @@ def pick_columns(
             absent = missing_name(f"{source.path}: channel {key}", "column", column, source.names)
             unnamed = "" if key in mapping else f"; {NAME_IT.format(key=key)}"
             problems.append(replace(absent, remedy=absent.remedy + unnamed))
-        text = stated.get(key, source.units.get(column, ""))
+        text = stated.get(key, source.unit_of(column, key))
         unit = unit_from_text(text)
         if unit is None and key in stated and key not in scales:
             what, remedy = f"{text!r} is not known", "give the factor to SI units in its place"

@@ -138,7 +138,7 @@ def _by_place(model: Model, columns: Sequence[str], chosen: Mapping[str, str]) -
 def _proposed(want: _Wanted, column: str | None, source: Source, columns: Sequence[str]) -> Proposed:
     if column is None:
         return Proposed(want.key, want.unit, None, None, f"columns: {listed(columns)}")
-    stated = source.units.get(column)
+    stated = source.unit_of(column, want.key)
     unit = unit_from_text(stated or "")
     agrees = unit is not None and unit.si == want.unit
     why = f"{want.measures} of {want.body}: by its name" + (" and unit" if agrees else "")
@@ -148,10 +148,10 @@ def _proposed(want: _Wanted, column: str | None, source: Source, columns: Sequen
         why += f"; if {inner} is a unit, give {want.unit or 'SI'} per {inner} as its factor"
     if stated and want.unit and not agrees and not states_no_unit(stated):
         why += f"; in {stated}: give {want.unit} per {stated} as its factor"
-    return Proposed(want.key, want.unit, column, stated, why)
+    return Proposed(want.key, want.unit, column, stated or None, why)
 
 
-def _unknown_unit(want: _Wanted, column: str, stated: str | None, columns: Sequence[str]) -> str | None:
+def _unknown_unit(want: _Wanted, column: str, stated: str, columns: Sequence[str]) -> str | None:
     """Return what stands in brackets behind a name and may be a unit: words there may be a joint, too."""
     match = re.fullmatch(r".*\S\s*\(([^()\d:,][^():,]*)\)", column) if len(column) <= LONGEST_TITLE else None
     if stated or match is None or match[1].lower() in {want.body, *KNOWN_WORDS}:

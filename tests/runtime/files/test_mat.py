@@ -23,6 +23,7 @@ from modelgen.errors import DataError
 from modelgen.runtime.files.formats import open_source
 from modelgen.runtime.files.mat import open_variables
 from modelgen.runtime.model.model import model_from_module
+from modelgen.runtime.records.read_record import read_record
 
 KINDS = ("f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "c16", "c8", "?")
 LEVEL4 = ("f8", "f4", "i4", "i2", "u2", "u1", "c16")
@@ -267,3 +268,15 @@ def test_of_several_runs_in_a_file_the_times_are_those_of_the_channels(tmp_path:
     described = describe_file(tmp_path / "a.mat", model)
     assert (described["time"], described["problems"]) == ("run1.t", [])
     assert {entry["column"] for entry in described["channels"]} == {f"run1.{key}" for key in samples}
+
+
+def test_times_in_structures_are_those_of_their_structure(tmp_path: Path) -> None:
+    """A timeseries that was saved as structure: its times are no position, and of no other one."""
+    path, t = tmp_path / "run.mat", np.arange(200) * 1e-3
+    pairs = {"q": (t, np.sin(20.0 * t)), "F": (t + 0.004, np.cos(20.0 * t))}
+    savemat(path, {key: {"Time": times, "Data": values} for key, (times, values) in pairs.items()})
+    source = open_source(path)
+    assert dict(source.clocks) == {"q.Data": "q.Time", "F.Data": "F.Time"}
+    assert read_record(path, {"q": "q.Data"}).fs == pytest.approx(1000.0)
+    with pytest.raises(DataError, match=r"F starts 0\.004 s after q"):
+        read_record(path, {"q": "q.Data", "F": "F.Data"})

@@ -17,7 +17,7 @@ NUMERIC = (h5py.h5t.INTEGER, h5py.h5t.FLOAT, h5py.h5t.ENUM)  # of which truth va
 DEEPEST = 100  # groups within each other: names of places cost the square of it
 DEEPEST_CELLS = 16  # within each other, as of older versions
 MOST_REFERENCES = 15 * MOST_COLUMNS  # so many fields of every trace
-UNIT_ATTRIBUTES = ("unit", "units", "Unit", "Units")
+UNIT_ATTRIBUTES = ("unit", "units")  # in any case
 
 
 def listing(path: Path) -> Iterator[Any]:
@@ -140,7 +140,7 @@ def _facts(item: Any) -> dict[str, Any] | None:
         # texts are arrays of char there
         if attributes.get("MATLAB_class") in (b"char", b"logical"):
             return None
-        stated = next((attributes[key] for key in UNIT_ATTRIBUTES if key in attributes), None)
+        stated = next((attributes[key] for key in attributes if key.lower() in UNIT_ATTRIBUTES), None)
         if stated is not None:
             unit = stated.decode() if isinstance(stated, bytes) else str(stated)
     made = item.get_create_plist()

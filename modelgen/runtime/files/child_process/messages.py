@@ -59,7 +59,7 @@ def open_messages(path: Path, kind: str, title: str) -> Source:
     took = [f"{title} of {len(topics)} topic(s), times of the messages' headers, or of logging"]
     if left_out:
         took.append("left out: " + listed(f"{topic} ({why})" for topic, why in left_out.items()))
-    units = dict.fromkeys(times, "s")
+    units = dict.fromkeys(names, "") | dict.fromkeys(times, "s")  # brackets hold names of joints, "m" too
     several = clocks if len(times) > 1 else {}
     dates: dict[str, int | None] = dict.fromkeys(times)
     return Source(path, tuple(names), load, units=units, clocks=several, took=tuple(took), starts=dates)
