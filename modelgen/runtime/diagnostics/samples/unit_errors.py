@@ -143,7 +143,8 @@ def moves_as_one(model: Model) -> bool:
 
 
 def unlike_nominal(model: Model, physical: Mapping[str, float], records: Sequence[str]) -> tuple[Advice, ...]:
-    """Return an advice where all inertias and stiffnesses are absurdly far from every parameter set.
+    """Return an advice where inertias and stiffnesses are absurdly far from every parameter set: all by about
+    the same, or inertias alone, as a wrong unit of times does.
 
     Parameters
     ----------
@@ -155,21 +156,42 @@ def unlike_nominal(model: Model, physical: Mapping[str, float], records: Sequenc
     """
     roles = {name: role.role for name, role in model.roles.items()}
     found = {n: v for n, v in physical.items() if roles.get(n) in ("inertia", "stiffness") and v > 0.0}
-    ratios, limits = list[float](), list[float]()
+    ratios, limits, times = list[float](), list[float](), list[float]()
     for values in model.parameter_sets.values():
-        logs = [np.log10(found[name] / values[name]) for name in found if values.get(name, 0.0) > 0.0]
-        if not logs or np.ptp(logs) > np.log10(ALIKE):
-            return ()
-        ratios.append(float(10.0 ** np.mean(logs)))
-        # no guess is off by the same in everything
-        limits.append(SAME_FACTOR if len(logs) > 1 and np.ptp(logs) < np.log10(SAME) else UNIT_FACTOR)
-    if not ratios or any(1.0 / limit < ratio < limit for ratio, limit in zip(ratios, limits, strict=True)):
+        logs = {name: np.log10(found[name] / values[name]) for name in found if values.get(name, 0.0) > 0.0}
+        inertias, springs = ([logs[n] for n in logs if roles[n] == r] for r in ("inertia", "stiffness"))
+        if springs and inertias and _is_same(inertias) and _is_same([*springs, 0.0]):
+            times.append(float(10.0 ** (0.5 * np.mean(inertias))))
+        if logs and np.ptp([*logs.values()]) <= np.log10(ALIKE):
+            ratios.append(float(10.0 ** np.mean([*logs.values()])))
+            # no guess is off by the same in everything
+            limits.append(SAME_FACTOR if len(logs) > 1 and _is_same([*logs.values()]) else UNIT_FACTOR)
+    where = f"{', '.join(records)}, channels {', '.join(model.channels)}"
+    say = f"what the spec's parameter sets say ({', '.join(model.parameter_sets)})"
+    if _are_beyond(times, [SAME_FACTOR] * len(times), model):
+        of, longer = ", ".join(name for name in found if roles[name] == "inertia"), _nearest(times)
+        off = f"{max(longer, 1.0 / longer):.4g} times too {'long' if longer > 1.0 else 'short'}"
+        what = f"give {of} {_times(longer**2)} {say}, and stiffnesses as there: as times do that are {off}"
+        remedy = "check the sampling frequency and the unit of times (--fs, --time-unit)"
+        return (Advice("unit", where, what, remedy),)
+    if not _are_beyond(ratios, limits, model):
         return ()
-    nearest = min(ratios, key=lambda ratio: abs(np.log(ratio)))
-    sets, channels = ", ".join(model.parameter_sets), ", ".join(model.channels)
-    what = f"give {', '.join(found)} {_times(nearest)} what the spec's parameter sets say ({sets})"
-    where = f"{', '.join(records)}, channels {channels}"
+    what = f"give {', '.join(found)} {_times(_nearest(ratios))} {say}"
     return (Advice("unit", where, what, "check the units of forces and sensors, and scale them to SI"),)
+
+
+def _is_same(logs: Sequence[float]) -> bool:
+    return bool(np.ptp(logs) < np.log10(SAME))
+
+
+def _are_beyond(ratios: Sequence[float], limits: Sequence[float], model: Model) -> bool:
+    """Return whether every parameter set has a ratio that is beyond its limit."""
+    beyond = [not 1.0 / limit < ratio < limit for ratio, limit in zip(ratios, limits, strict=True)]
+    return 0 < sum(beyond) == len(model.parameter_sets)
+
+
+def _nearest(ratios: Sequence[float]) -> float:
+    return min(ratios, key=lambda ratio: abs(np.log(ratio)))
 
 
 def _times(ratio: float) -> str:

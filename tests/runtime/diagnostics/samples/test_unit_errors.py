@@ -227,6 +227,17 @@ def test_an_estimate_far_from_every_parameter_set_is_told(emps: Record, key: str
     assert "what the spec's parameter sets say (published_2019)" in found.what
 
 
+@pytest.mark.parametrize(("longer", "said"), [(1000.0, "1000 times too long"), (1e-2, "times too short")])
+def test_times_in_another_unit_are_told_by_inertias_alone(longer: float, said: str) -> None:
+    """Times a thousand times too long: inertias go with their square, springs do not care."""
+    table = dict(AC.parameter_sets["table_1"])
+    power = {"inertia": 2, "damping": 1, "viscous": 1}
+    found = {name: value * longer ** power.get(AC.roles[name].role, 0) for name, value in table.items()}
+    (advice,) = unlike_nominal(AC, found, ["a"])
+    assert advice.kind == "unit" and said in advice.what and "--time-unit" in advice.remedy
+    assert unlike_nominal(AC, {**found, "K": 2.0 * table["K"]}, ["a"]) == ()
+
+
 def test_values_near_a_parameter_set_or_unlike_each_other_are_not_told() -> None:
     table = dict(AC.parameter_sets["table_1"])
     assert unlike_nominal(AC, table, ["a"]) == ()
