@@ -168,8 +168,8 @@ def _moved_rows(
         found = pushes.mixed(changes, linear)
     else:
         found = replace(calm, source=EditedChannels(record, record.name, record.n, own)).mixed(linear)
-    if any(formed):
-        size = _tried_size(record, own)
+    # a simulation that stays at rest changes by nothing, which no multiple can be formed of
+    if any(formed) and (size := _tried_size(record, own)) > 0.0:
         more = {key: record.signals[key] + size * change for key, change in own.items()}
         changed = replace(calm, source=EditedChannels(record, record.name, record.n, more))
         found += (changed.mixed(formed) - calm.mixed(formed)) / size

@@ -13,9 +13,10 @@ from modelgen.runtime.files.npy_channels import open_npy
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
-from modelgen.runtime.iv.effect_rows import _over_records, effect_rows, simulated_records
+from modelgen.runtime.iv.effect_rows import _moved_rows, _over_records, _rows, effect_rows, simulated_records
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.model_errors import effects_of
+from modelgen.runtime.iv.pushed_rows import PushedRows
 from modelgen.runtime.records.record import Record
 from tests.runtime.two_mass_records import SMALL, two_mass_records
 
@@ -50,3 +51,14 @@ def test_a_body_at_rest_keeps_its_direction_whatever_an_effect_adds() -> None:
     whole, rest = (effect_rows(fit, setting, one, (push,))[0] for one in (moving, resting))
     for place in range(len(fit.blocks)):
         assert np.max(np.abs(rest[place])) < 1.01 * np.max(np.abs(whole[place])) + 1e-12
+
+
+def test_what_changes_nothing_turns_nothing() -> None:
+    """In a simulation at rest an effect is zero: there is no multiple of it to form a direction with."""
+    (record, *_) = records = tuple(two_mass_records())
+    setting = Setting(SMALL, records, choose_filter(SMALL, records))
+    pushes = PushedRows(_rows(setting, record, 0))
+    sign = next(one for one in SMALL.features if one.function == "sign")
+    read = {signal.channel for signal in SMALL.signals if signal.key == sign.of}
+    nothing = {key: np.zeros(record.n) for key in read}
+    assert not np.any(_moved_rows(pushes, record, [{sign.key: 1.0}], nothing, read))
