@@ -12,8 +12,8 @@ import numpy as np
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.diagnostics.unforced_rows import zero_columns
-from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import below_zero
+from modelgen.runtime.identification.cutoffs.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.explanation.averaged_forces import with_averaged_forces
 from modelgen.runtime.identification.explanation.best_cutoff import (
     at_best_cutoff,

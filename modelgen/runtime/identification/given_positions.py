@@ -17,7 +17,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
-from modelgen.runtime.identification.choose_cutoff import higher_cutoffs
+from modelgen.runtime.identification.cutoffs.cutoff_steps import higher_cutoffs
 from modelgen.runtime.identification.elastic.likely_places import likely_places
 from modelgen.runtime.identification.elastic.other_springs import other_springs
 from modelgen.runtime.identification.elastic.settling import settled_with

@@ -219,7 +219,7 @@ def _run(task: Task) -> Begun:
     if beyond is not None:
         raise DataError(beyond)
     if task.model.is_arm and isinstance(task.method, IV):
-        from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
+        from modelgen.runtime.identification.cutoffs.choose_cutoff import with_predicted_cutoff
 
         return run_method(with_predicted_cutoff(task, consistent=True), task.method)
     begun = run_method(task, task.method)

@@ -21,7 +21,7 @@ from modelgen.errors import ModelgenError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise, hardly_weighed
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
-from modelgen.runtime.identification.choose_cutoff import part_tried
+from modelgen.runtime.identification.cutoffs.choose_cutoff import part_tried
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.refusals import dependent_columns, unanswered

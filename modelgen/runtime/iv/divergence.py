@@ -9,10 +9,11 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.magnitudes import is_usable
-from modelgen.runtime.iv.thresholds import LEFT_OF_FORCE, SAMPLES_AN_UNKNOWN
+from modelgen.runtime.iv.thresholds import LEFT_OF_FORCE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import negative_columns
+from modelgen.runtime.rows.thresholds import SAMPLES_AN_UNKNOWN
 
 CHANNELS = "check that every channel is what the model means (sign, unit, zero, one clock for all)"
 # What a record lacks where a parameter comes out negative, by its role.

@@ -152,9 +152,6 @@ AT_A_TIME = 256
 AS_GOOD = 20.0
 # The same of misfits, which are half a chi square.
 AS_LIKELY = 0.5 * AS_GOOD
-
-# With fewer samples than so many for each unknown rounds wander, and where they end is rounding.
-SAMPLES_AN_UNKNOWN = 10
 # Rounds with effects, at most; fewer where their sizes are known nearly.
 EFFECT_ROUNDS, KNOWN_ROUNDS = 25, 6
 # A lag or a delay beyond this, in samples, is no small misalignment any more.

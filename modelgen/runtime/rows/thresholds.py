@@ -56,3 +56,6 @@ PULSES_ALIKE = 0.05
 PULSE_LEFT, PULSE_WINDOW, WINDOWS = 0.03, 128, 64
 # Directions that are taken out are counted by what a change of that share's square by so much does.
 POWERS_APART = 0.1
+
+# With fewer samples than so many for each unknown instruments wander, and where they end is rounding.
+SAMPLES_AN_UNKNOWN = 10

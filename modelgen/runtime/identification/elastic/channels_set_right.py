@@ -13,7 +13,7 @@ from functools import partial
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
-from modelgen.runtime.identification.choose_cutoff import part_tried
+from modelgen.runtime.identification.cutoffs.choose_cutoff import part_tried
 from modelgen.runtime.identification.elastic.channel_errors import (
     DRIVE,
     SetRight,

@@ -20,7 +20,8 @@ from modelgen.runtime.diagnostics.noise_bias import noise_effect
 from modelgen.runtime.diagnostics.residual_tests import residual_tests
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.diagnostics.tried_cutoff import Tried
-from modelgen.runtime.identification.choose_cutoff import at_choice, choice_at, choices_above, least_kept
+from modelgen.runtime.identification.cutoffs.choose_cutoff import least_kept
+from modelgen.runtime.identification.cutoffs.cutoff_steps import at_choice, choice_at, choices_above
 from modelgen.runtime.identification.explanation.explained import Begun, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task

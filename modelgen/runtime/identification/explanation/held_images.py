@@ -22,7 +22,7 @@ import numpy as np
 from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.errors import DataError, IdentifiabilityError, listed
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
+from modelgen.runtime.identification.cutoffs.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
     delays_of,

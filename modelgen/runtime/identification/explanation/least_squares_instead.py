@@ -12,8 +12,8 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.parameter_checks import null_columns
-from modelgen.runtime.identification.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.contradiction import contradiction
+from modelgen.runtime.identification.cutoffs.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.explanation.explain_stretches import (
     late_by_stretches,
     long,

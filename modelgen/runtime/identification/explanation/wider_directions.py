@@ -15,7 +15,7 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.diagnostics.settings_drift import other_direction
 from modelgen.runtime.filter_choice.explain import direction_sentence
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.identification.choose_cutoff import part_tried
+from modelgen.runtime.identification.cutoffs.choose_cutoff import part_tried
 from modelgen.runtime.identification.explanation.explained import Begun, run_method
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import run_wls

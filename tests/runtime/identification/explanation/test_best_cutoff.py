@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from modelgen.runtime.identification import job as jobs
-from modelgen.runtime.identification.choose_cutoff import choice_at
+from modelgen.runtime.identification.cutoffs.cutoff_steps import choice_at
 from modelgen.runtime.identification.explanation import best_cutoff
 from modelgen.runtime.identification.explanation.best_cutoff import (
     at_best_cutoff,

@@ -8,7 +8,7 @@ covariance, what noise of the sensors does to it, and how far it moves from what
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,9 +17,13 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.diagnostics.noise_bias import noise_effect
 from modelgen.runtime.diagnostics.tried_cutoff import Tried
-from modelgen.runtime.filter_choice.explain import direction_sentence
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
-from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF, SIGNAL_CUTOFF
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.identification.cutoffs.cutoff_steps import (
+    at_choice,
+    choice_at,
+    lacks_samples,
+    with_enough_samples,
+)
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
@@ -45,7 +49,6 @@ from modelgen.runtime.least_squares.hac_covariance import (
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.numerics.bandwidth import scores_bandwidth
-from modelgen.runtime.records.directions import blended_directions
 from modelgen.runtime.records.record import Record
 
 
@@ -69,6 +72,8 @@ def with_predicted_cutoff(task: Task, consistent: bool) -> Task:
     given = task.filters.cutoff_hz is not None or task.job.share < 1.0 or named
     if given or isinstance(task.model.kernel, DeflectedKernel):
         return task
+    if consistent:
+        task = with_enough_samples(task)
     scan = Scan(task, consistent)
     best = scan.best()
     found = scan.at(best)
@@ -78,29 +83,6 @@ def with_predicted_cutoff(task: Task, consistent: bool) -> Task:
     return at_choice(
         task, found.choice, f": least squares, tried at {tried} cut-offs, predicts that most is known there."
     )
-
-
-def higher_cutoffs(task: Task, most: int) -> Iterator[Task]:
-    """Yield a task at cut-offs above its own, so many at most; none if one is given."""
-    for choice in choices_above(task, most):
-        yield at_choice(task, choice, ", at which the records do not tell how far springs deflect.")
-
-
-def choices_above(task: Task, most: int) -> Iterator[FilterChoice]:
-    """Yield filters with cut-offs above a task's own, so many at most; none if one is given."""
-    for number in range(1, 1 if task.filters.cutoff_hz is not None else most + 1):
-        choice = choice_at(task, task.choice.cutoff_hz * 2.0 ** (0.5 * number))
-        if choice is None:
-            return
-        yield choice
-
-
-def at_choice(task: Task, choice: FilterChoice, why: str) -> Task:
-    """Return a task with other filters, which say why."""
-    front = f"Cut-off {choice.cutoff_hz:.4g} Hz in place of {task.choice.cutoff_hz:.4g} Hz"
-    kept = tuple(one for one in choice.sentences if not one.startswith("Cut-off"))
-    choice = replace(choice, bands=task.choice.bands, sentences=(f"{front}{why}", *kept))
-    return replace(task, choice=choice, job=replace(task.job, choice=choice))
 
 
 class Scan:
@@ -207,7 +189,10 @@ class Scan:
         if choice is None:
             return None
         here = replace(task.job, records=self._records, choice=choice, surveys=())
-        fit = fit_matched(here.observed(self._records, turns=not consistent))
+        rows = here.observed(self._records, turns=not consistent)
+        if step < 0 and consistent and not task.model.is_arm and lacks_samples(task.model, rows):
+            return None  # the first had enough, and lower ones have fewer
+        fit = fit_matched(rows)
         if consistent and here.late:
             fit = _delays_free(here, fit)
         calm = least_kept(fit, self._records, choice) if consistent and task.model.is_arm else 1.0
@@ -264,32 +249,6 @@ def _delays_free(job: Job, fit: Fit) -> Fit:
     """Return a fit that leaves open how late its forces are."""
     rates = [job.rates(fit, job.records, channel) for channel in job.late]
     return with_columns_free(fit, rates)
-
-
-def choice_at(task: Task, cutoff_hz: float) -> FilterChoice | None:
-    """Return the filters of a task with another cut-off, None where its records do not allow it."""
-    wide_hz = cutoff_hz * (SIGNAL_CUTOFF if task.model.is_arm else 1.0)
-    if cutoff_hz > task.choice.cutoff_hz and wide_hz > HIGHEST_CUTOFF * min(one.fs for one in task.records):
-        return None
-    filters, before = task.filters, task.choice
-    choice = choose_filter(
-        task.model,
-        task.records,
-        cutoff_hz=cutoff_hz,
-        filter_order=before.filter_order,
-        decimation=filters.decimation,
-        direction_cutoff_hz=filters.direction_cutoff_hz,
-        signal_cutoff_hz=filters.signal_cutoff_hz,
-    )
-    said = choice.sentences + blended_directions(before.sentences)
-    choice = replace(choice, slow_speeds=before.slow_speeds, between=before.between, sentences=said)
-    choice, directions_hz = replace(choice, directions=before.directions), before.direction_cutoff_hz
-    if not task.model.is_arm or filters.direction_cutoff_hz or directions_hz <= cutoff_hz:
-        return choice
-    # joints reverse as their motion says, however little of it the rows keep
-    told = direction_sentence(directions_hz, given=False)
-    said = tuple(told if one.startswith("Directions") else one for one in choice.sentences)
-    return replace(choice, direction_cutoff_hz=directions_hz, sentences=said)
 
 
 def part_tried(record: Record, most: int = SAMPLES_TRIED) -> Record:

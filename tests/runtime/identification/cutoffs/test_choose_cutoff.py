@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from modelgen.errors import IdentifiabilityError
-from modelgen.runtime.identification import choose_cutoff
-from modelgen.runtime.identification.choose_cutoff import Scan, with_predicted_cutoff
+from modelgen.runtime.identification.cutoffs import choose_cutoff
+from modelgen.runtime.identification.cutoffs.choose_cutoff import Scan, with_predicted_cutoff
+from modelgen.runtime.identification.cutoffs.cutoff_steps import lacks_samples
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import IV, Auto, run_iv
 from modelgen.runtime.identification.options import CheckOptions, Filters
@@ -18,6 +19,7 @@ from modelgen.runtime.identification.task import Task, prepared
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.masks import direction_keys
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.iv.physical.swinging_servo import SERVO
@@ -77,7 +79,7 @@ def test_the_job_filters_as_the_task_says_and_a_sentence_says_why() -> None:
     assert better.job.choice is better.choice
     assert [one for one in better.choice.sentences if one.startswith("Cut-off")] == [
         f"Cut-off {better.choice.cutoff_hz:.4g} Hz in place of "
-        f"{chain_task('trapezoid', 1e-4).choice.cutoff_hz:.4g} Hz: least squares, tried at 7 cut-offs, "
+        f"{chain_task('trapezoid', 1e-4).choice.cutoff_hz:.4g} Hz: least squares, tried at 6 cut-offs, "
         "predicts that most is known there."
     ]
     assert better.choice.bands
@@ -151,3 +153,76 @@ def test_a_spring_of_no_stiffness_has_no_composites() -> None:
     assert any("/K" in one.replace(" ", "") for one in model.composites.values())
     with pytest.raises(IdentifiabilityError, match="has no rows where K is zero"):
         model.base_from_physical({**SERVO_TRUTH, "K": 0.0})
+
+
+ONE = """
+[chain]
+name = "roll"
+motion = "rotation"
+[[bodies]]
+name = "c"
+inertia = "J_c"
+viscous = "F_vc"
+coulomb = "F_sc"
+actuator = "tau_c"
+[sensors.tachometer]
+w_c = { body = "c", measures = "velocity" }
+"""
+
+
+@cache
+def jog() -> tuple[Task, dict[str, float]]:
+    """Three moves of 0.4 s between rests of 0.8 s, of a body with a tachometer."""
+    truth, fs = {"J_c": 2e-3, "F_vc": 2e-3, "F_sc": 0.3}, 1000.0
+    time, noise = np.arange(3600) / fs, np.random.default_rng(5)
+    turn = np.where(time % 1.2 < 0.4, np.sin(2.0 * np.pi * 2.5 * (time % 1.2) - 0.5 * np.pi) + 1.0, 0.0)
+    speed = 40.0 * turn * np.array([1.0, -1.0, 1.0])[(time / 1.2).astype(int)]
+    force = (
+        truth["J_c"] * np.gradient(speed, 1.0 / fs) + truth["F_vc"] * speed + truth["F_sc"] * np.sign(speed)
+    )
+    signals = {
+        "w_c": speed + 0.1 * noise.standard_normal(len(time)),
+        "tau_c": force + 2e-3 * noise.standard_normal(len(time)),
+    }
+    model = chain_of(ONE, "tachometer")
+    return prepared(model, Record(signals, fs, "jog"), Auto(), Filters(), CheckOptions()), truth
+
+
+def test_a_jog_between_rests_is_filtered_so_that_samples_are_left_of_it() -> None:
+    """Behind the low-pass for the motion itself rests are felt in all but a few samples of the moves."""
+    task, truth = jog()
+    assert lacks_samples(task.model, task.job.calm(task.records))
+    found = with_predicted_cutoff(task, consistent=True)
+    assert not lacks_samples(task.model, found.job.calm(found.records))
+    fit = instruments(found)
+    spread = np.sqrt(np.diag(hac_covariance(fit)))
+    expected = np.array([truth[name] for name in fit.columns])
+    assert np.all(np.abs(fit.solution.x - expected) < 4.0 * spread)
+    assert np.all(spread < 0.1 * expected)
+
+
+def test_two_frictions_in_a_row_are_told_apart_by_samples_that_feel_no_reversal() -> None:
+    """One body and another: where few other samples are left, a row uses those that feel reversals."""
+    text = (
+        ONE
+        + """
+[[bodies]]
+name = "a"
+inertia = "J_a"
+coulomb = "F_sa"
+[[links]]
+bodies = ["c", "a"]
+stiffness = "K"
+damping = "D"
+"""
+    )
+    model = chain_of(text.replace("[sensors", '[sensors.both]\nw_c = { body = "c", measures = "velocity" }\n'
+                     'q_a = { body = "a", measures = "position" }\n[sensors'), "both")  # fmt: skip
+    turn = np.sin(2.0 * np.pi * 2.0 * np.arange(40000) / 1000.0)
+    record = Record({"w_c": turn, "q_a": np.cumsum(turn) / 1000.0, "tau_c": turn**3}, 1000.0)
+    rows = prepared(model, record, Auto(), Filters(), CheckOptions()).job.calm((record,))
+    both = [block for block in rows.blocks if len(direction_keys(model, block.row)) > 1]
+    assert both
+    for turning in (False, True):
+        blocks = tuple(replace(one, turning=turning) for one in both)
+        assert lacks_samples(model, replace(rows, blocks=blocks)) == turning
