@@ -151,6 +151,8 @@ SUSPECTED = 0.1
 # unexplained; and by how many samples a clock may have drifted at the end, at most by this share.
 SENSOR_DELAYS = (-8.0, -4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0, 8.0)
 LOW_PASSES = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 11.0, 16.0)
+# Corners of an accelerometer's high-pass: powers of two in rad/s, 0.04 to 5 Hz.
+HIGH_PASSES = (-2.0, -1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
 CLOCK_DRIFTS = tuple(float(by) for by in (*range(-16, 0), *range(1, 17)))
 LARGEST_CLOCK_TRIED = 3e-3
 # Sizes so many samples more and less than the best are looked at as well; samples of each record.

@@ -160,6 +160,17 @@ def high_pass(key: str, near: float = 0.0, starts: Sequence[float] = ()) -> Effe
                   at=lost, quiet=quiet, shape=each, moved=moved, elsewhere=each)  # fmt: skip
 
 
+def undone_high_pass(key: str) -> Effect:
+    """Return a high-pass that is undone in whole channels without their means: where to start from."""
+
+    def edit(channel: str, size: float, record: Record) -> Edit:
+        read = record.signals[channel]
+        more = size * record.dt * np.cumsum(read - np.mean(read))
+        return Edit(channel, lambda samples, start: samples + more[start : start + len(samples)])
+
+    return replace(high_pass(key), edit=edit)
+
+
 def without_starts(effect: Effect, size: float = 0.0) -> Effect:
     """Return an effect as other records have it, which begin otherwise, near to a size."""
     return high_pass(effect.channel, size) if effect.kind == HIGH_PASS and effect.record is None else effect

@@ -24,6 +24,7 @@ from modelgen.runtime.identification.thresholds import (
     CLOCK_DRIFTS,
     DEFLECTED,
     FINER,
+    HIGH_PASSES,
     LARGEST_CLOCK_TRIED,
     LOOKED_AT,
     LOW_PASSES,
@@ -32,7 +33,7 @@ from modelgen.runtime.identification.thresholds import (
 )
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import corrected
-from modelgen.runtime.iv.low_pass import low_pass, two_poles
+from modelgen.runtime.iv.low_pass import low_pass, two_poles, undone_high_pass, without_starts
 from modelgen.runtime.iv.model_errors import clock_effects, delay_effect, delay_effects, zero_effects
 from modelgen.runtime.least_squares.coarse_delays import coarse_delays
 from modelgen.runtime.least_squares.fit import Fit
@@ -130,13 +131,13 @@ def _with_delays(job: Job, effects: tuple[Effect, ...], sizes: tuple[float, ...]
     late = {one.channel: size for one, size in sized if one.kind == "delay" and one.channel in job.late}
     kept = [(one, size) for one, size in sized if one.channel not in late or one.kind != "delay"]
     delays = tuple((key, late.get(key, 0.0), 0.0) for key in job.late)
-    effects, sizes = tuple(one for one, _ in kept), tuple(size for _, size in kept)
+    effects, sizes = tuple(without_starts(one) for one, _ in kept), tuple(size for _, size in kept)
     return Start(effects, sizes, replace(fit, delays=delays))
 
 
 @dataclass(frozen=True, eq=False)
 class _Family:
-    """Effects of one channel whose sizes follow from one number, in samples, and those that are tried."""
+    """Effects of one channel whose sizes follow from one number, and those that are tried: mostly samples."""
 
     effects: tuple[Effect, ...]
     sizes: Callable[[float], tuple[float, ...]]
@@ -151,6 +152,9 @@ def _families(job: Job) -> Iterator[_Family]:
         yield _Family((late,), lambda by: (by * sample,), SENSOR_DELAYS)
         yield _behind(late, low_pass(late.channel, force=False), sample, LOW_PASSES)
         yield _Family((two_poles(late.channel),), lambda by: (by * sample,), LOW_PASSES)
+    for sensor in job.model.sensors:
+        if sensor.measures == "acceleration":
+            yield _Family((undone_high_pass(sensor.key),), lambda octave: (2.0**octave,), HIGH_PASSES)
     # a force may be read through a low-pass, or act behind one
     either = (*(-by for by in LOW_PASSES), *LOW_PASSES)
     for key in job.late:
