@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from typing import Protocol
 
@@ -18,6 +19,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.identification.cutoffs.cutoff_steps import higher_cutoffs
+from modelgen.runtime.identification.elastic.channel_errors import DRIVE
 from modelgen.runtime.identification.elastic.likely_places import likely_places
 from modelgen.runtime.identification.elastic.other_springs import other_springs
 from modelgen.runtime.identification.elastic.settling import settled_with
@@ -25,6 +27,7 @@ from modelgen.runtime.identification.elastic.starting_springs import springs_pul
 from modelgen.runtime.identification.elastic.steps_about import (
     columns_of,
     fit_about,
+    left_by,
     moved,
     rest_with_forces_open,
     size_of,
@@ -32,8 +35,10 @@ from modelgen.runtime.identification.elastic.steps_about import (
     weighted,
 )
 from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import run_wls
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
+    AS_LIKELY,
     BETTER_PLACES,
     CUTOFFS_WITHOUT_ESTIMATE,
     LONGEST_SERIES,
@@ -45,6 +50,7 @@ from modelgen.runtime.identification.thresholds import (
     SAME_RATIO,
     WITHIN_NOISE,
 )
+from modelgen.runtime.least_squares.delays import with_holds
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
@@ -158,14 +164,39 @@ def about_from_near_by(task: Task) -> tuple[Task, Drifting | None]:
 
 
 def _from_point(task: Task, kernel: DeflectedKernel, others: bool) -> tuple[Task, Rest] | None:
-    job = replace(task.job, late=(), rows_for_tag=None)
-    return _at_rest(task, job, kernel, (kernel.point,), others)
+    return _at_rest(task, _on_time(task), kernel, (kernel.point,), others)
 
 
 def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
-    """Return the task about its estimate, and where that rests; None where no start leads there."""
-    job = replace(task.job, late=(), rows_for_tag=None)
+    """Return the task about its estimate, and where that rests; None where no start leads there.
+
+    Half a sample of a command that a drive holds hides the springs of motors that no sensor sees: where rows
+    of held commands leave less, that is about their estimate, from which the channels are set right.
+    """
+    found = _searched(task, kernel)
+    if not kernel.speeds or not task.sets_channels_right:
+        return found
+    drives = [one.key for one in task.model.actuators if one.key.startswith(DRIVE)]
+    held = _searched(task.changed(partial(with_holds, channels=drives)), kernel)
+    if held is None or (found is not None and _misfit(held[0]) > _misfit(found[0]) - AS_LIKELY):
+        return found
+    return _about_rest(task, kernel, Rest(held[1].point, np.zeros(len(held[1].point)), 0.0))
+
+
+def _misfit(task: Task) -> float:
+    """Return the logarithm of how unlikely rows are, less a constant."""
+    fit = run_wls(_on_time(task))[1]
+    return fit.count * left_by(fit)
+
+
+def _searched(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
+    job = _on_time(task)
     return _at_rest(task, job, kernel, likely_places(job, kernel))
+
+
+def _on_time(task: Task) -> Job:
+    """Return the job of the task, without delays to be estimated."""
+    return replace(task.job, late=(), rows_for_tag=None)
 
 
 def _at_rest(
@@ -183,8 +214,12 @@ def _at_rest(
     if kernel.speeds and opened is None:
         opened = rest_with_forces_open(job, kernel, (found.point,), anyway=True)
         found = found if opened is None else replace(found, point=opened)
-    model = replace(task.model, kernel=kernel.at(found.point, sampled=True))
-    return replace(task, model=model, job=replace(task.job, model=model)), found
+    return _about_rest(task, kernel, found)
+
+
+def _about_rest(task: Task, kernel: DeflectedKernel, rest: Rest) -> tuple[Task, Rest]:
+    model = replace(task.model, kernel=kernel.at(rest.point, sampled=True))
+    return replace(task, model=model, job=replace(task.job, model=model)), rest
 
 
 def _among_others(job: Job, kernel: DeflectedKernel, found: Rest) -> Rest:

@@ -82,6 +82,11 @@ class Task:
     contents: Sequence[str]
     changes: tuple[Change, ...] = ()
 
+    @property
+    def sets_channels_right(self) -> bool:
+        """Whether channels of an elastic arm are looked at, and set right, before the fit."""
+        return self.checks.drift_check and isinstance(self.method, Auto) and self.method.rows != "power"
+
     def changed(self, *changes: Change) -> Task:
         """Return the task with other records in the place of its own."""
         task = self

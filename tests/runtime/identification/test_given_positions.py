@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.identification import given_positions
 from modelgen.runtime.identification.elastic import steps_about
 from modelgen.runtime.identification.given_positions import Rest
@@ -130,3 +131,51 @@ def test_noise_moves_the_estimate_by_the_sum_of_its_steps(monkeypatch: pytest.Mo
     np.testing.assert_allclose(noise + rest.drift(FIT, MODEL), wanted, atol=0.03 * np.abs(wanted).max())
     still = Rest(GOAL, np.array([1.0, 0.0, 0.0]), 0.0)
     assert not np.any(still.drift(FIT, MODEL))
+
+
+@pytest.mark.parametrize(
+    ("gained", "sets_right", "speeds", "wanted"),
+    [
+        (10.0, True, ("motor_1",), GOAL),
+        (1.0, True, ("motor_1",), -GOAL),
+        (10.0, False, ("motor_1",), -GOAL),
+        (10.0, True, (), -GOAL),
+    ],
+)
+def test_motors_that_no_sensor_sees_are_sought_behind_held_commands(
+    monkeypatch: pytest.MonkeyPatch,
+    gained: float,
+    sets_right: bool,
+    speeds: tuple[str, ...],
+    wanted: np.ndarray,
+) -> None:
+    """Half a sample of a held command had springs of links' encoders refused, or 130 deviations off."""
+    model = SimpleNamespace(actuators=(SimpleNamespace(key="tau_1"), SimpleNamespace(key="t_1")))
+    held: Any = SimpleNamespace(misfit=-gained, goal=GOAL)
+    plain: Any = SimpleNamespace(misfit=0.0, goal=-GOAL, model=model, sets_channels_right=sets_right)
+    plain.changed = lambda change: held if change.keywords == {"channels": ["tau_1"]} else None
+    monkeypatch.setattr(given_positions, "_misfit", lambda task: task.misfit)
+    monkeypatch.setattr(
+        given_positions, "_searched", lambda task, kernel: (task, Rest(task.goal, np.zeros(3), 0.0))
+    )
+    monkeypatch.setattr(given_positions, "_about_rest", lambda task, kernel, rest: (task, rest))
+    kernel: Any = Kernel()
+    kernel.speeds = speeds
+    found = given_positions._about(plain, kernel)
+    # the records stay: channels are set right from there
+    assert found is not None
+    assert found[0] is plain
+    assert found[1].point is wanted or np.array_equal(found[1].point, wanted)
+
+
+def test_rows_beyond_all_numbers_are_no_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Far from an estimate a triangle may not be finite: that had ended in an error of NumPy."""
+
+    def fails(job: Any) -> Any:
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr(steps_about, "run_wls", fails)
+    monkeypatch.setattr(steps_about, "replace", lambda one, **changes: one)
+    kernel: Any = Kernel()
+    with pytest.raises(IdentifiabilityError, match="beyond all numbers"):
+        steps_about.fit_about(JOB, kernel, GOAL)

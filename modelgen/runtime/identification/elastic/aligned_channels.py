@@ -11,7 +11,6 @@ from modelgen.runtime.identification.elastic.channels_set_right import with_chan
 from modelgen.runtime.identification.elastic.row_forces import summed_friction
 from modelgen.runtime.identification.explanation.explained import Begun, with_note
 from modelgen.runtime.identification.given_positions import Drifting, about_from_near_by, near_by
-from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
@@ -40,7 +39,7 @@ def with_aligned_channels(task: Task, rest: Drifting | None) -> tuple[Task, Drif
 
     Both as they are where nothing is to be set right.
     """
-    if not task.checks.drift_check or not isinstance(task.method, Auto) or task.method.rows == "power":
+    if not task.sets_channels_right:
         return task, rest
     changed, found = with_channels_set_right(task, near_by)
     if found is None:

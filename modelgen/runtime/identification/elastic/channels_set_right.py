@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.identification.cutoffs.choose_cutoff import part_tried
@@ -34,10 +36,12 @@ from modelgen.runtime.identification.thresholds import (
     ALIGNING_ROUNDS,
     ALIGNMENT_AT_REST,
     AS_LIKELY,
+    HALF_SAMPLE,
     NEARLY_AT_REST,
     PATIENT_ALIGNING,
 )
 from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.model_errors import delay_effect
 from modelgen.runtime.least_squares.delays import with_holds
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -71,7 +75,7 @@ def with_channels_set_right(task: Task, again: Again) -> tuple[Task, SetRight | 
         if other is None or other.misfit > found.misfit + AS_LIKELY:
             continue
         # one that does not hold is late by half a sample as the mean of what it holds
-        if not any(one.channel in held for one in other.commands):
+        if not set(held).intersection(other.early):
             found, task = replace(other, right=replace(other.right, held=held)), task.changed(hold)
             break
     return _corrected(task, found.known, found.task.model), found.right
@@ -82,10 +86,9 @@ def _held(found: _Aligned) -> list[tuple[str, ...]]:
 
     Drives of a machine mostly do the same: one whose noise hides its half sample made a rotor 20 % too light.
     """
-    early = tuple(one.channel for one in found.commands)
+    early = found.early
     late = {one.channel for one in found.known if one.kind == "delay"}.difference(early)
-    drives = [one.key for one in found.task.model.actuators if one.key.startswith(DRIVE)]
-    every = (*early, *(key for key in drives if key not in late.union(early)))
+    every = (*early, *(key for key in found.drives if key not in late.union(early)))
     return list(dict.fromkeys((every, early))) if early else []
 
 
@@ -99,9 +102,27 @@ class _Aligned:
     misfit: float
 
     @property
+    def drives(self) -> tuple[str, ...]:
+        """Forces of motors, by their channels."""
+        return tuple(one.key for one in self.task.model.actuators if one.key.startswith(DRIVE))
+
+    @property
     def commands(self) -> tuple[Effect, ...]:
-        """Forces that are early by half a sample."""
-        return tuple(one for one, size in self.known.items() if by_half(one, size, self.task.records))
+        """Delays by which forces are early by half a sample: their own, or one of all other channels."""
+        own = tuple(one for one, size in self.known.items() if by_half(one, size, self.task.records))
+        read = set(self.task.model.channels).difference(self.drives)
+        late = {one: size for one, size in self.known.items() if one.kind == "delay" and one.channel in read}
+        if own or not self.drives or len(late) < len(read):
+            return own
+        force, sizes = delay_effect(self.drives[0]), tuple(late.values())
+        alike = (max(sizes) - min(sizes)) * self.task.records[0].fs < HALF_SAMPLE
+        return tuple(late) if alike and by_half(force, -float(np.mean(sizes)), self.task.records) else ()
+
+    @property
+    def early(self) -> tuple[str, ...]:
+        """Forces that are early by half a sample, by their channels."""
+        own = tuple(one.channel for one in self.commands if one.channel in self.drives)
+        return own or (self.drives if self.commands else ())
 
 
 def _come_to_rest(

@@ -122,8 +122,12 @@ def left_by(fit: Fit, values: FloatArray | None = None) -> float:
 
 def fit_about(job: Job, kernel: DeflectedKernel, point: FloatArray, sampled: bool = False) -> Fit:
     """Return least squares of rows about a point, (columns,) in SI; `sampled`: directions at samples."""
-    with np.errstate(all="ignore"):  # far from an estimate rows may overflow: such points do not hold
-        return run_wls(replace(job, model=replace(job.model, kernel=kernel.at(point, sampled))))[1]
+    about = replace(job.model, kernel=kernel.at(point, sampled))
+    # far from an estimate rows may overflow: such points do not hold
+    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
+        return run_wls(replace(job, model=about))[1]
+    names = ", ".join(record.name for record in job.records)
+    raise IdentifiabilityError.at(names, "gives rows beyond all numbers about such springs", "try others")
 
 
 def moved(model: Model, kernel: DeflectedKernel, fit: Fit, point: FloatArray) -> FloatArray:

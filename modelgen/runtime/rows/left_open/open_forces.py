@@ -20,6 +20,7 @@ from modelgen.array_types import BoolArray, FloatArray, IntArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.fused_operator import FusedOperator, fused_operator
 from modelgen.runtime.filters.zero_phase import support_samples
+from modelgen.runtime.numerics.lagging import MOST_SAMPLES
 from modelgen.runtime.numerics.qr_triangle import tall_triangle, triangle_of
 from modelgen.runtime.rows.record_rows import RecordRows
 from modelgen.runtime.rows.row_block import DrawnBlock, InStretches, RowBlock, Stretch
@@ -45,7 +46,8 @@ def pulses_of(
     """
     filtering, every = rows.plan.filtering, (0, *orders)
     reach = support_samples(choice.filter_order, choice.cutoff_hz, filtering.fs, 0, TURN_TOLERANCE)
-    reach += round(-log(TURN_TOLERANCE) * max(abs(lag) for lag in lags) * filtering.fs)
+    felt = -log(TURN_TOLERANCE) * max(abs(lag) for lag in lags) * filtering.fs
+    reach += round(min(felt, MOST_SAMPLES))
     operator: FusedOperator = fused_operator(
         filtering.low_pass, filtering.fs, every, 1, filtering.stencil, fast=rows.plan.fast
     )

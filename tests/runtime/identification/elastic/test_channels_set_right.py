@@ -171,6 +171,7 @@ def test_commands_that_are_held_are_told_in_one_sentence() -> None:
 def test_drives_of_a_machine_are_likely_to_hold_alike_but_none_that_is_late() -> None:
     model, read, _ = made()
     early, late = delay_effect("tau_1"), delay_effect("tau_2")
+    others = [delay_effect(one) for one in model.channels if not one.startswith("tau")]
     task: Any = SimpleNamespace(model=model, records=(Record(read, FS),))
     right: Any = None
     for known, held in (
@@ -178,6 +179,11 @@ def test_drives_of_a_machine_are_likely_to_hold_alike_but_none_that_is_late() ->
         ({early: -5e-4}, [("tau_1", "tau_2"), ("tau_1",)]),
         ({early: -5e-4, late: 2e-3}, [("tau_1",)]),
         ({early: -5e-4, late: -5e-4}, [("tau_1", "tau_2")]),
+        # only differences of times show: all other channels may be late in their place, alike
+        (dict.fromkeys(others, 5.2e-4), [("tau_1", "tau_2")]),
+        (dict.fromkeys(others, 1e-3), []),
+        (dict.fromkeys(others[1:], 5e-4), []),
+        (dict(zip(others, (5e-4, 5e-4, 5e-4, 1.5e-3), strict=True)), []),
     ):
         assert channels_set_right._held(channels_set_right._Aligned(task, known, right, 0.0)) == held
 

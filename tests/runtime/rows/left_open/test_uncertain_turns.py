@@ -19,8 +19,10 @@ from modelgen.runtime.model.deflected_rows import held_positions
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.planning.arms.predicted_sets import USUAL_NOISE
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.left_open.open_forces import pulses_of
 from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open, without_uncertain_turns
 from modelgen.runtime.rows.observation import observe
+from modelgen.runtime.rows.record_rows import unmasked_rows
 from modelgen.runtime.rows.row_block import RowBlock
 from modelgen.runtime.simulation.arms.arm_plant import arm_plant
 from modelgen.runtime.simulation.arms.joint_reference import JointLimits, fourier_reference
@@ -244,6 +246,14 @@ def test_a_force_is_left_open_as_links_lag_behind_it() -> None:
     opened = without_uncertain_turns(rows, model, [record], choice, 0)
     for before, after in zip(rows.blocks, opened.blocks, strict=True):
         assert np.std(before.residual(truth)) > 50.0 * np.std(after.residual(truth)), before.row_name
+
+
+def test_a_lag_beyond_all_records_takes_no_memory() -> None:
+    """A record without motion had led to a spring of nearly nothing, and to pulses of 131 PiB."""
+    model, record = models()[1], periodic_on_both()
+    choice = choose_filter(model, [record], cutoff_hz=CUTOFF_HZ)
+    rows = unmasked_rows(model, record, choice, choice.decimation[0], 0)
+    assert pulses_of(rows, choice, lags=(1e12,)).shape[1] < 5000
 
 
 def test_rows_without_samples_that_feel_reversals_stay_as_they_are() -> None:
