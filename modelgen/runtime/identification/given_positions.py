@@ -19,7 +19,6 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.identification.cutoffs.cutoff_steps import higher_cutoffs
-from modelgen.runtime.identification.elastic.channel_errors import DRIVE
 from modelgen.runtime.identification.elastic.likely_places import likely_places
 from modelgen.runtime.identification.elastic.other_springs import other_springs
 from modelgen.runtime.identification.elastic.settling import settled_with
@@ -176,6 +175,8 @@ def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
     found = _searched(task, kernel)
     if not kernel.speeds or not task.sets_channels_right:
         return found
+    from modelgen.runtime.identification.elastic.channel_errors import DRIVE  # others need not load it
+
     drives = [one.key for one in task.model.actuators if one.key.startswith(DRIVE)]
     held = _searched(task.changed(partial(with_holds, channels=drives)), kernel)
     if held is None or (found is not None and _misfit(held[0]) > _misfit(found[0]) - AS_LIKELY):
