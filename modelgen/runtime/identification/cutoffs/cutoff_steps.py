@@ -16,6 +16,7 @@ from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.directions import blended_directions
 from modelgen.runtime.rows.masks import direction_keys
 from modelgen.runtime.rows.observation import Observation
+from modelgen.runtime.rows.row_block import RowBlock
 from modelgen.runtime.rows.row_terms import channels_of_rows
 from modelgen.runtime.rows.thresholds import SAMPLES_AN_UNKNOWN
 
@@ -41,6 +42,8 @@ def with_enough_samples(task: Task) -> Task:
             rows = here.observed(job.records, turns=False, friction=added)
         except DataError:  # too short for the filter
             continue
+        if step and not all(_told(model, block) for block in rows.blocks):
+            continue  # what swings all the time is told by its reversals, at the cut-off of its motion
         if not lacks_samples(model, rows):
             why = ", which leaves too few samples apart from rests and reversals."
             return at_choice(task, choice, why) if step else task
@@ -48,21 +51,26 @@ def with_enough_samples(task: Task) -> Task:
 
 
 def lacks_samples(model: Model, rows: Observation) -> bool:
-    """Tell whether all rows, or each that holds a force, are left too few samples for their columns.
-
-    Friction of two bodies in one row is told apart where one of them reverses before the other: there is
-    none in samples that feel a reversal, whose directions are not known well enough for that.
-    """
+    """Tell whether all rows, or each that holds a force, are left too few samples for their columns."""
     forces = {actuator.key for actuator in model.actuators}
     every, forced = 0, [0] * len(model.rows)
     for block in rows.blocks:
-        told = 0 if block.turning and len(direction_keys(model, block.row)) > 1 else block.count
+        told = _told(model, block)
         every += told
         if block.force_scale > 0.0 and channels_of_rows(model)[block.row] & forces:
             forced[block.row] += told
     enough = [SAMPLES_AN_UNKNOWN * len(columns) for columns in model.regressor_columns]
     few = every < SAMPLES_AN_UNKNOWN * len(rows.columns)
     return few or all(count < least for count, least in zip(forced, enough, strict=True))
+
+
+def _told(model: Model, block: RowBlock) -> int:
+    """Return how many samples tell what a row is for.
+
+    Friction of two bodies in one row is told apart where one of them reverses before the other: there is
+    none in samples that feel a reversal, whose directions are not known well enough for that.
+    """
+    return 0 if block.turning and len(direction_keys(model, block.row)) > 1 else block.count
 
 
 def higher_cutoffs(task: Task, most: int) -> Iterator[Task]:
