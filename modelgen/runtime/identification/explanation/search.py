@@ -120,9 +120,10 @@ class Search:
         return self._with(tried)
 
     def _as_solved(self, score: Score, solved: Sequence[tuple[Effect, tuple[Effect, ...], Freed]]) -> Score:
-        """Return the score of what is nearly a column, where a tangent leads far, as a fit with it says."""
+        """Return the score of what is nearly a column as a fit says: if late by less than half a period."""
+        late = 0.5 / self.job.choice.cutoff_hz if score.effect.kind in LATE else np.inf
         for effect, _, freed in solved:
-            if effect is score.effect and score.size and score.own < LITTLE_OWN:
+            if effect is score.effect and score.own < LITTLE_OWN and abs(freed.sizes[-1]) < late:
                 size, move = freed.sizes[-1], freed.fit.solution.x - self.now.fit.solution.x
                 return replace(score, size=size, std=abs(size / score.size) * score.std, move=move)
         return score

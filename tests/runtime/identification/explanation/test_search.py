@@ -160,6 +160,18 @@ def test_what_is_nearly_a_column_is_held_as_a_fit_with_it_says(own: float, held:
     assert known._as_solved(far, [(GAIN, (GAIN,), other)]) is far
 
 
+@pytest.mark.parametrize("periods", [0.4, 0.6])
+def test_a_fit_with_a_delay_of_half_a_period_says_nothing(periods: float) -> None:
+    """An encoder of a periodic record came out 9.9 ms early at 120 Hz, and a stiffness was refused."""
+    searched = searching()
+    late = periods / job().choice.cutoff_hz
+    other = replace(searching(LATE).now, fit=cast(Any, leaving(-5.0, 1.5)), sizes=(-late,))
+    known = replace(searched, now=replace(searched.now, fit=cast(Any, leaving(-10.0, 1.0))))
+    far = Score(LATE, 1e-4, 1e-6, 0.1, np.full(6, 10.0), 1e-3, 1.0, 1e-6, matters=True)
+    score = known._as_solved(far, [(LATE, (LATE,), other)])
+    assert (score is far) == (periods > 0.5)
+
+
 def test_of_equals_a_delay_is_taken_before_a_clock() -> None:
     clock = EFFECTS["clock of q_c"]
     found = Freed(cast(Any, None), cast(Any, leaving(0.0)), job().setting(), (1e-6,), (1e-9,))
