@@ -12,7 +12,7 @@ from modelgen.symbolic.compare import FormalRegressor, FormalSignal
 
 if TYPE_CHECKING:
     from modelgen.runtime.model.mechanical_parts import Sensor
-from modelgen.runtime.model.model import Feature, Model
+    from modelgen.runtime.model.model import Feature, Model
 
 # A number is taken for the simplest fraction within its rounding. That of an arbitrary number has numerator
 # times denominator near 2^53; a gear of 628.3, squared, has 100 * 39476089.

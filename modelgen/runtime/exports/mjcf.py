@@ -67,7 +67,7 @@ def _lines(case: Case, values: Mapping[str, float]) -> Iterator[str]:
 
 def step_s(case: Case, values: Mapping[str, float]) -> float:
     """Return a step in s that resolves the chain's fastest motion, to two digits."""
-    full = {**dict.fromkeys((*case.model.parameters, *case.model.known), 0.0), **values}
+    full = {**dict.fromkeys(case.model.every_parameter, 0.0), **values}
     space = case.model.state_space(full, {body.name: 1 for body in case.mechanics.bodies})
     fastest = float(np.abs(np.linalg.eigvals(space.A)).max())
     return float(f"{min(LARGEST_STEP_S, 1.0 / max(STEPS_PER_RADIAN * fastest, 1e-9)):.1e}")

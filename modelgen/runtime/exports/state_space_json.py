@@ -70,8 +70,7 @@ def write(case: Case) -> Written:
 
 def matrices(case: Case, parameters: Mapping[str, float]) -> dict[str, Any]:
     """Return A to F as lists; with friction that differs by direction also those of a backward motion."""
-    names = (*case.model.parameters, *case.model.known)
-    full = {**dict.fromkeys(names, 0.0), **parameters}
+    full = {**dict.fromkeys(case.model.every_parameter, 0.0), **parameters}
     found: dict[str, Any] = {}
     directed = any(body.asymmetric and body.viscous[0] for body in case.mechanics.bodies)
     for key, way in (("", 1), ("backward", -1)) if directed else (("", 1),):

@@ -81,9 +81,7 @@ def export_values(
         following = Sums.of(model, source).following(model, source.base, nominal)
         nominal |= following
         origin |= dict.fromkeys(following, FOLLOWS)
-    wanted = [
-        n for n in (*model.parameters, *model.known) if n in nominal or role_of(model, n) not in optional
-    ]
+    wanted = [n for n in model.every_parameter if n in nominal or role_of(model, n) not in optional]
     problems = [problem for name in wanted if (problem := _problem(model, source, nominal, name))]
     DataError.raise_any(problems)
     ordered = {name: float(nominal[name]) for name in wanted}

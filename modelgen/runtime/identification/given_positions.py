@@ -175,9 +175,10 @@ def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
     found = _searched(task, kernel)
     if not kernel.speeds or not task.sets_channels_right:
         return found
-    from modelgen.runtime.identification.elastic.channel_errors import DRIVE  # others need not load it
+    # others need not load it
+    from modelgen.runtime.identification.elastic.channel_errors import forces_of_drives
 
-    drives = [one.key for one in task.model.actuators if one.key.startswith(DRIVE)]
+    drives = list(forces_of_drives(task.model))
     held = _searched(task.changed(partial(with_holds, channels=drives)), kernel)
     if held is None or (found is not None and _misfit(held[0]) > _misfit(found[0]) - AS_LIKELY):
         return found

@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import ComplexArray, FloatArray
-from modelgen.runtime.filters.one_pass import one_pass, one_pole
+from modelgen.runtime.filters.one_pass import one_pole
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import HIGH_PASS, TWO_POLES, Changes, Effect, Response, curvature
 from modelgen.runtime.iv.thresholds import (
@@ -262,9 +262,7 @@ def _bent_further(key: str) -> Callable[[Simulated, float], Changes]:
     """Return what a longer time constant adds behind a lag of this size: s^2 / (1 + tau s)."""
 
     def changes(simulated: Simulated, size: float) -> Changes:
-        bent = curvature(simulated.record.signals[key], simulated.record.dt)
-        tau = float(np.sqrt(2.0 * abs(size))) / simulated.record.dt
-        # the trapezoidal rule has no delay
-        return {key: one_pass(((0.5, 0.5, 0.0, 0.5 + tau, 0.5 - tau, 0.0),)).apply(bent)}
+        dt, tau = simulated.record.dt, float(np.sqrt(2.0 * abs(size)))
+        return {key: _integral(curvature(simulated.record.signals[key], dt), dt, 1.0 / tau) / tau}
 
     return changes

@@ -162,10 +162,11 @@ def unlike_nominal(model: Model, physical: Mapping[str, float], records: Sequenc
         inertias, springs = ([logs[n] for n in logs if roles[n] == r] for r in ("inertia", "stiffness"))
         if springs and inertias and _is_same(inertias) and _is_same([*springs, 0.0]):
             times.append(float(10.0 ** (0.5 * np.mean(inertias))))
-        if logs and np.ptp([*logs.values()]) <= np.log10(ALIKE):
-            ratios.append(float(10.0 ** np.mean([*logs.values()])))
+        every = [*logs.values()]
+        if every and np.ptp(every) <= np.log10(ALIKE):
+            ratios.append(float(10.0 ** np.mean(every)))
             # no guess is off by the same in everything
-            limits.append(SAME_FACTOR if len(logs) > 1 and _is_same([*logs.values()]) else UNIT_FACTOR)
+            limits.append(SAME_FACTOR if len(every) > 1 and _is_same(every) else UNIT_FACTOR)
     where = f"{', '.join(records)}, channels {', '.join(model.channels)}"
     say = f"what the spec's parameter sets say ({', '.join(model.parameter_sets)})"
     if _are_beyond(times, [SAME_FACTOR] * len(times), model):

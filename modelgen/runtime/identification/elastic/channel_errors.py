@@ -34,6 +34,11 @@ from modelgen.runtime.rows.derived_channels import with_derived
 DRIVE = "tau_"
 
 
+def forces_of_drives(model: Model) -> tuple[str, ...]:
+    """Return the forces of motors, by their channels."""
+    return tuple(one.key for one in model.actuators if one.key.startswith(DRIVE))
+
+
 def _told_holds(keys: Sequence[str]) -> Advice:
     commands = f"{keys[0]} is a command" if len(keys) == 1 else f"{', '.join(keys)} are commands"
     what = f"shows that {commands} which the drive holds over every sample; taken as that"

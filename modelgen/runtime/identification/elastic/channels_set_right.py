@@ -17,10 +17,10 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.identification.cutoffs.choose_cutoff import part_tried
 from modelgen.runtime.identification.elastic.channel_errors import (
-    DRIVE,
     SetRight,
     by_half,
     channel_errors,
+    forces_of_drives,
     resolved,
     runs_away,
     set_right,
@@ -88,7 +88,7 @@ def _held(found: _Aligned) -> list[tuple[str, ...]]:
     """
     early = found.early
     late = {one.channel for one in found.known if one.kind == "delay"}.difference(early)
-    every = (*early, *(key for key in found.drives if key not in late.union(early)))
+    every = (*early, *(key for key in forces_of_drives(found.task.model) if key not in late.union(early)))
     return list(dict.fromkeys((every, early))) if early else []
 
 
@@ -102,27 +102,24 @@ class _Aligned:
     misfit: float
 
     @property
-    def drives(self) -> tuple[str, ...]:
-        """Forces of motors, by their channels."""
-        return tuple(one.key for one in self.task.model.actuators if one.key.startswith(DRIVE))
-
-    @property
     def commands(self) -> tuple[Effect, ...]:
         """Delays by which forces are early by half a sample: their own, or one of all other channels."""
         own = tuple(one for one, size in self.known.items() if by_half(one, size, self.task.records))
-        read = set(self.task.model.channels).difference(self.drives)
+        drives = forces_of_drives(self.task.model)
+        read = set(self.task.model.channels).difference(drives)
         late = {one: size for one, size in self.known.items() if one.kind == "delay" and one.channel in read}
-        if own or not self.drives or len(late) < len(read):
+        if own or not drives or len(late) < len(read):
             return own
-        force, sizes = delay_effect(self.drives[0]), tuple(late.values())
+        force, sizes = delay_effect(drives[0]), tuple(late.values())
         alike = (max(sizes) - min(sizes)) * self.task.records[0].fs < HALF_SAMPLE
         return tuple(late) if alike and by_half(force, -float(np.mean(sizes)), self.task.records) else ()
 
     @property
     def early(self) -> tuple[str, ...]:
         """Forces that are early by half a sample, by their channels."""
-        own = tuple(one.channel for one in self.commands if one.channel in self.drives)
-        return own or (self.drives if self.commands else ())
+        drives = forces_of_drives(self.task.model)
+        own = tuple(one.channel for one in self.commands if one.channel in drives)
+        return own or (drives if self.commands else ())
 
 
 def _come_to_rest(

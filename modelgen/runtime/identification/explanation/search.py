@@ -120,7 +120,7 @@ class Search:
         return self._with(tried)
 
     def _as_solved(self, score: Score, solved: Sequence[tuple[Effect, tuple[Effect, ...], Freed]]) -> Score:
-        """Return the score of what is nearly a column as a fit says: if late by less than half a period."""
+        """Return the score of what is nearly a column as a fit with it says, unless half a period late."""
         late = 0.5 / self.job.choice.cutoff_hz if score.effect.kind in LATE else np.inf
         for effect, _, freed in solved:
             if effect is score.effect and score.own < LITTLE_OWN and abs(freed.sizes[-1]) < late:

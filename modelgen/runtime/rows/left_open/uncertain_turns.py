@@ -18,6 +18,7 @@ import numpy as np
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.fused_operator import fused_operator
+from modelgen.runtime.model.arm_channels import differentiated
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel, GivingRow
 from modelgen.runtime.model.deflected_rows import held_positions
 from modelgen.runtime.model.model import Model
@@ -153,7 +154,7 @@ def _felt_orders(model: Model, row: int) -> tuple[int, ...]:
     kernel = model.kernel
     if not isinstance(kernel, DeflectedKernel) or not _moved_by_friction(model, row):
         return (0,)
-    of = {f"d{order}_{one.channel}": order for one in kernel.giving for order in (1, 2)}
+    of = {differentiated(one.channel, order): order for one in kernel.giving for order in (1, 2)}
     sums = [terms for key, terms in kernel.sums.items() if kernel.places[key][0] == row]
     highest = max((of.get(name, 0) for terms in sums for _, name in terms), default=0)
     if any(kernel.places[key][0] == row for key in kernel.kernel.keys):
