@@ -72,9 +72,10 @@ def with_predicted_cutoff(task: Task, consistent: bool) -> Task:
     given = task.filters.cutoff_hz is not None or task.job.share < 1.0 or named
     if given or isinstance(task.model.kernel, DeflectedKernel):
         return task
+    parts = tuple(part_tried(record) for record in task.job.records)
     if consistent:
-        task = with_enough_samples(task)
-    scan = Scan(task, consistent)
+        task = with_enough_samples(task, parts)
+    scan = Scan(task, consistent, parts)
     best = scan.best()
     found = scan.at(best)
     if best == 0 or found is None:
@@ -88,9 +89,8 @@ def with_predicted_cutoff(task: Task, consistent: bool) -> Task:
 class Scan:
     """Cut-offs in steps of the root of two around that of a task, each tried once; 0 is its own."""
 
-    def __init__(self, task: Task, consistent: bool) -> None:
-        self._task, self._consistent = task, consistent
-        self._records = tuple(part_tried(record) for record in task.job.records)
+    def __init__(self, task: Task, consistent: bool, parts: tuple[Record, ...]) -> None:
+        self._task, self._consistent, self._records = task, consistent, parts
         self._found: dict[int, Tried | None] = {}
         self._moves: dict[tuple[int, int], FloatArray] = {}
         self._correlated = 0.0  # samples

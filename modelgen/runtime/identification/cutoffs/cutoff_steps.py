@@ -9,11 +9,13 @@ from modelgen.errors import DataError
 from modelgen.runtime.filter_choice.explain import direction_sentence
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
 from modelgen.runtime.filter_choice.thresholds import HIGHEST_CUTOFF, SIGNAL_CUTOFF
+from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import CUTOFF_STEPS
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.directions import blended_directions
+from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.masks import direction_keys
 from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.rows.row_block import RowBlock
@@ -21,8 +23,10 @@ from modelgen.runtime.rows.row_terms import channels_of_rows
 from modelgen.runtime.rows.thresholds import SAMPLES_AN_UNKNOWN
 
 
-def with_enough_samples(task: Task) -> Task:
+def with_enough_samples(task: Task, parts: tuple[Record, ...]) -> Task:
     """Return a task of a chain at the lowest cut-off, its own or above, that leaves samples enough.
+
+    Where its own leaves enough of parts of the records already, these are not filtered whole.
 
     A low-pass feels rests and reversals the longer the lower its cut-off is: between the rests of a jog
     hardly a sample may be left, however much the motion tells. Directions are of a band that is wider by as
@@ -32,6 +36,8 @@ def with_enough_samples(task: Task) -> Task:
     if model.is_arm:
         return task
     added = job.physical or all_from_composites(model)  # as instruments are run
+    if parts != job.records and _enough_of(replace(job, surveys=()), parts, added):
+        return task
     for step in range(CUTOFF_STEPS):
         wider = 2.0 ** (0.5 * step)
         choice = choice_at(task, task.choice.cutoff_hz * wider, wider) if step else task.choice
@@ -48,6 +54,13 @@ def with_enough_samples(task: Task) -> Task:
             why = ", which leaves too few samples apart from rests and reversals."
             return at_choice(task, choice, why) if step else task
     return task
+
+
+def _enough_of(job: Job, parts: tuple[Record, ...], added: bool) -> bool:
+    try:
+        return not lacks_samples(job.model, job.observed(parts, turns=False, friction=added))
+    except DataError:
+        return False
 
 
 def lacks_samples(model: Model, rows: Observation) -> bool:

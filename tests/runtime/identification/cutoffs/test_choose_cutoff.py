@@ -11,8 +11,9 @@ import pytest
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.identification.cutoffs import choose_cutoff
 from modelgen.runtime.identification.cutoffs.choose_cutoff import Scan, with_predicted_cutoff
-from modelgen.runtime.identification.cutoffs.cutoff_steps import lacks_samples
+from modelgen.runtime.identification.cutoffs.cutoff_steps import lacks_samples, with_enough_samples
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, Auto, run_iv
 from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.identification.task import Task, prepared
@@ -20,6 +21,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.masks import direction_keys
+from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.iv.physical.swinging_servo import SERVO
@@ -49,6 +51,10 @@ def arm_task(**filters: float) -> Task:
 @cache
 def predicted(consistent: bool, kind: str = "", noise: float = 0.0) -> Task:
     return with_predicted_cutoff(chain_task(kind, noise) if kind else arm_task(), consistent)
+
+
+def scan_of(task: Task, consistent: bool) -> Scan:
+    return Scan(task, consistent, task.job.records)
 
 
 def instruments(task: Task) -> Fit:
@@ -91,7 +97,7 @@ def test_a_chirp_keeps_its_cut_off() -> None:
 
 @pytest.mark.parametrize("consistent", [True, False])
 def test_noise_is_told_from_what_a_higher_cut_off_would_tell(consistent: bool) -> None:
-    quiet, loud = (Scan(chain_task("chirp", noise), consistent) for noise in (1e-4, 1e-2))
+    quiet, loud = (scan_of(chain_task("chirp", noise), consistent) for noise in (1e-4, 1e-2))
     for scan in (quiet, loud):
         scan.best()
     assert quiet.worth()[0] > loud.worth()[0] + 6.0
@@ -113,7 +119,7 @@ def test_turns_are_left_out_and_most_of_every_row_stays(monkeypatch: pytest.Monk
 
 
 def test_directions_of_joints_follow_their_motion_however_low_the_cut_off_is() -> None:
-    first, scan = arm_task().choice, Scan(arm_task(), consistent=False)
+    first, scan = arm_task().choice, scan_of(arm_task(), consistent=False)
     lower, higher = scan.at(-2), scan.at(2)
     assert lower is not None and higher is not None
     assert lower.choice.cutoff_hz == pytest.approx(0.5 * first.cutoff_hz)
@@ -199,6 +205,23 @@ def test_a_jog_between_rests_is_filtered_so_that_samples_are_left_of_it() -> Non
     expected = np.array([truth[name] for name in fit.columns])
     assert np.all(np.abs(fit.solution.x - expected) < 4.0 * spread)
     assert np.all(spread < 0.1 * expected)
+
+
+def test_records_are_not_filtered_whole_where_a_part_leaves_samples_enough(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    task, lengths, observed = chain_task("chirp", 1e-4), [], Job.observed
+
+    def counting(self: Job, records: tuple[Record, ...], **options: bool) -> Observation:
+        lengths.append(records[0].n)
+        return observed(self, records, **options)
+
+    monkeypatch.setattr(Job, "observed", counting)
+    (whole,) = task.job.records
+    for n, asked in ((whole.n // 2, [whole.n // 2]), (60, [60, whole.n])):
+        lengths.clear()
+        assert with_enough_samples(task, (whole.part(0, n, "part"),)) is task
+        assert lengths == asked
 
 
 def test_two_frictions_in_a_row_are_told_apart_by_samples_that_feel_no_reversal() -> None:
