@@ -20,6 +20,8 @@ Columns = dict[str, npt.NDArray[Any]]
 
 # a scalar of this name is the sampling frequency in Hz
 FS_NAMES = ("fs", "Fs")
+# one of these, in lower case, is the sampling period in s, where neither a frequency nor times are stated
+PERIOD_NAMES = ("ts", "dt", "t_s", "sample_time", "sampletime", "sampling_period", "samplingperiod")
 # a column of this name holds times
 TIME_NAMES = ("t", "time", "zeit", "timestamp", "zeitstempel", "temps", "tiempo", "x-axis", "x_value")
 WITH_UNIT = re.compile(r"(t|\w{3,})_(?:s|sec|ms|us|ns)")
@@ -181,13 +183,26 @@ def source_of_shapes(
             for name, key in of.items()
         }
 
-    facts |= {"took": (*facts.pop("took", ()), *said), "of_matrices": frozenset(matrices)}
     columns = (*vectors, *matrices)
+    if fs is None and not any(map(is_time_name, columns)):
+        fs, of_period = _of_period(scalars)
+        said = (*said, *of_period)
+    facts |= {"took": (*facts.pop("took", ()), *said), "of_matrices": frozenset(matrices)}
     times = {name.rpartition(".")[0]: name for name in columns if "." in name and is_time_name(name)}
     if len(times) > 1:  # of structures or groups, each with its own
         groups = {name: name.rpartition(".")[0] for name in columns if name not in times.values()}
         facts["clocks"] = {name: times[group] for name, group in groups.items() if group in times}
     return Source(path, columns, load_columns, scalars, fs=fs, units=units, **facts)
+
+
+def _of_period(scalars: Mapping[str, float]) -> tuple[float | None, tuple[str, ...]]:
+    """Return the frequency in Hz of the one scalar that is named as a sampling period in s, and say so."""
+    found = [key for key in scalars if key.rpartition(".")[2].lower() in PERIOD_NAMES and scalars[key] > 0.0]
+    if len(found) != 1:
+        return None, ()
+    # no more digits than a clock carries: 0.0001 s are 10 kHz
+    fs = float(f"{1.0 / scalars[found[0]]:.9g}")
+    return fs, (f"{found[0]} = {scalars[found[0]]:.9g}, taken for the sampling period in s: {fs:.9g} Hz",)
 
 
 def source_of_arrays(

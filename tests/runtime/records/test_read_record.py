@@ -199,6 +199,23 @@ def test_archive(tmp_path: Path) -> None:
     assert read_record(path, fs=500.0).fs == 500.0
 
 
+def test_a_scalar_of_the_sampling_period_states_the_frequency(tmp_path: Path) -> None:
+    """MATLAB's `Ts`, Simulink's `SampleTime`: where neither a frequency nor times say more."""
+    q_m, path = np.arange(6.0), tmp_path / "run.npz"
+    for name in ("Ts", "dt", "SampleTime"):
+        np.savez(path, q_m=q_m, **{name: 1e-4})
+        found = read(path)
+        assert found.record.fs == 10_000.0
+        assert f"{name} = 0.0001, taken for the sampling period in s: 10000 Hz" in found.took
+    np.savez(path, q_m=q_m, Ts=1e-4, fs=500.0)
+    assert read_record(path).fs == 500.0
+    np.savez(path, q_m=q_m, Ts=1e-4, t=q_m / 50.0)
+    assert read_record(path).fs == pytest.approx(50.0)
+    for wrong in ({"Ts": 1e-4, "dt": 1e-3}, {"Ts": 0.0}, {"Ts": -1.0}, {"gain": 2.0}):
+        np.savez(path, q_m=q_m, **wrong)
+        assert "has no sampling frequency" in complaint(path)
+
+
 def test_flags_and_complex_numbers_are_no_readings(tmp_path: Path) -> None:
     np.savez(tmp_path / "run.npz", q_m=np.array([True, False]), q_c=np.array([1j, 2j]), fs=250)
     assert "data type bool" in complaint(tmp_path / "run.npz", needed=["q_m"], scales={"q_m": 2.0})
