@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 
 from modelgen.cli.standard_streams import usable_streams
@@ -11,7 +12,12 @@ BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 
 
 def run() -> None:
-    """Run the command line; Ctrl-C while it is still being imported ends it as it does later."""
+    """Run the command line; Ctrl-C while it is still being imported ends it as it does later.
+
+    Who ends it by SIGTERM (a job scheduler, `timeout`) leaves no temporary file or process of it either.
+    """
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, _terminated)
     with usable_streams():
         try:
             use_one_blas_thread()
@@ -21,6 +27,10 @@ def run() -> None:
         except KeyboardInterrupt:
             print("interrupted", file=sys.stderr)
             sys.exit(130)
+
+
+def _terminated(number: int, _: object) -> None:
+    sys.exit(128 + number)
 
 
 def use_one_blas_thread() -> None:

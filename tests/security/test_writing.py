@@ -225,6 +225,26 @@ def test_an_interrupted_command_ends_with_130_and_no_traceback(processes: Path) 
     assert list(processes.iterdir()) == []
 
 
+def test_a_command_that_is_ended_by_sigterm_leaves_no_temporary_file(processes: Path) -> None:
+    path = processes / "a.csv"
+    path.write_bytes(b"old")
+    code = (
+        "import os, sys, types; from modelgen import __main__ as entry\n"
+        "from modelgen.atomic_write import write_whole\n"
+        "def main():\n"
+        "    os.fsync = lambda handle: os.kill(os.getpid(), signal.SIGTERM)\n"
+        "    write_whole(sys.argv[1], bytes(100_000), overwrite=True)\n"
+        "sys.modules['modelgen.cli.main'] = types.SimpleNamespace(main=main)\n"
+        "entry.run()\n"
+    )
+    with child(code, str(path)) as process:
+        assert process.stderr is not None
+        assert process.stderr.read() == ""
+    assert process.returncode == 128 + signal.SIGTERM
+    assert path.read_bytes() == b"old"
+    assert [entry.name for entry in processes.iterdir()] == ["a.csv"]
+
+
 def test_out_of_memory_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
     def exhaust(*arguments: object, **options: object) -> None:
         raise MemoryError

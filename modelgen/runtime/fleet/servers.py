@@ -83,16 +83,21 @@ def local_cluster(workers: int, folder: str, environment: dict[str, str], starti
 
 @contextmanager
 def interrupted_afterwards() -> Iterator[None]:
-    """Keep an interruption until a cluster has started: dask cannot end what has started in part."""
-    before = signal.getsignal(signal.SIGINT)
-    if before is None or threading.current_thread() is not threading.main_thread():
+    """Keep what interrupts or ends this process until a cluster has started: dask cannot end what has started
+    in part.
+    """
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    heard = {number: handler for number, handler in before.items() if callable(handler)}
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
     came: list[int] = []
-    signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    for number in heard:
+        signal.signal(number, lambda one, _: came.append(one))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
-        if came:
-            raise KeyboardInterrupt
+        for number, handler in heard.items():
+            signal.signal(number, handler)
+        for one in came[:1]:
+            signal.raise_signal(one)

@@ -234,6 +234,21 @@ def test_an_interruption_waits_until_a_cluster_has_started() -> None:
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def test_an_end_by_a_scheduler_waits_until_a_cluster_has_started() -> None:
+    def ended(*_: object) -> None:
+        raise SystemExit(143)
+
+    before, started = signal.signal(signal.SIGTERM, ended), False
+    try:
+        with pytest.raises(SystemExit), interrupted_afterwards():
+            os.kill(os.getpid(), signal.SIGTERM)
+            started = True
+        assert started
+        assert signal.getsignal(signal.SIGTERM) is ended
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def test_an_interruption_is_for_who_waits_alone(client: Any) -> None:
     # a terminal sends it to every process; dask's would each end with a traceback
     assert client.submit(signal.getsignal, signal.SIGINT, pure=False).result(timeout=60.0) == signal.SIG_IGN
