@@ -170,7 +170,8 @@ def _local_cluster(workers: int) -> Iterator[Any]:
                 cluster = _started(dask, servers, workers, folder)
             yield cluster
         finally:
-            with suppress(TimeoutError):  # on a busy machine a worker may never say that it is gone
+            # on a busy machine a worker may never say that it is gone, and is killed
+            with suppress(TimeoutError), _quiet_logs():
                 if cluster is not None:
                     cluster.close(timeout=CLOSING_S)
             released = getattr(getattr(cluster, "scheduler", None), "_workdir", None)

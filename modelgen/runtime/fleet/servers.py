@@ -38,11 +38,11 @@ class QuietWorker(_WithoutHttp, distributed.Worker):  # type: ignore[misc]
     """A worker that answers its scheduler and the other workers only, and ends when these say so.
 
     A terminal sends an interruption to all processes: who waits for the results ends the workers then. What
-    they would log of work that is given up is no news to anyone.
+    they would log of work that is given up, and of a scheduler that is gone, is no news to anyone.
     """
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
-        logging.getLogger("distributed.worker.state_machine").setLevel(logging.ERROR)
+        logging.getLogger("distributed.worker").setLevel(logging.CRITICAL)
         if threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, signal.SIG_IGN)
         super().__init__(*arguments, **options)
