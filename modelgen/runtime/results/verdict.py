@@ -30,6 +30,7 @@ DATA = {
     "swapped": CHECK,
     "leap": CHECK,
     "constant": AGAIN,
+    "copied": AGAIN,
     "clipped": AGAIN,
     "stuck": AGAIN,
     "coarse": AGAIN,

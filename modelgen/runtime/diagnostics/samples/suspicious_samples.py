@@ -6,9 +6,10 @@ may stand at a limit, and a sensor may be coarse, with its owner's knowledge.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 
@@ -67,15 +68,23 @@ def _suspicions(model: Model, record: Record) -> Iterator[Advice]:
     extents = {key: record.facts.extent(key) for key in used}
     acts = any(extents[key].span > 0.0 for key in used if key not in measures)
     found = {key: _Faults() for key in used}
+    same = (
+        [] if model.is_arm else [pair for pair in combinations(measures, 2) if _may_be_same(extents, *pair)]
+    )
     for start, stop in stretches_of(record, OVERLAP):
         part = {key: record.read(key, start, stop) for key in used if extents[key].span > 0.0}
         moving = moving_samples(stop - start, {key: part[key] for key in measures if key in part}, measures)
         for key, samples in part.items():
             _look(found[key], samples, start, measures.get(key, ""), moving, extents[key])
+        same = [pair for pair in same if np.array_equal(part[pair[0]], part[pair[1]])]
     leaps = leaps_of(model, record)
     for leap in leaps:  # is told, and not that the sensor rested before it
         for key in set(leap.keys) & found.keys():
             found[key].stuck = [run for run in found[key].stuck if not leap.first <= run[1] + 1 <= leap.last]
+    for first, second in same:
+        place = f"{record.name}, channel {second}, samples 0 to {record.n - 1}"
+        remedy = "check which column is which channel: two sensors do not have the same noise"
+        yield Advice("copied", place, f"holds the readings of {first}", remedy)
     for key in used:
         where = f"{record.name}, channel {key}"
         if extents[key].span == 0.0:
@@ -118,6 +127,10 @@ def _look(
             (start + int(runs.first[run]), start + int(runs.last[run]), float(samples[runs.first[run]]))
             for run in which
         ]
+
+
+def _may_be_same(extents: Mapping[str, Extent], first: str, second: str) -> bool:
+    return first in extents and extents[first].span > 0.0 and extents[first] == extents.get(second)
 
 
 def _told_clipped(where: str, extent: Extent, found: _Faults) -> Iterator[Advice]:

@@ -146,6 +146,22 @@ def test_a_cable_that_comes_off_is_a_stuck_sensor(chirp: Record, key: str) -> No
     assert "one reading (0)" in found.what
 
 
+def test_a_channel_that_holds_the_readings_of_another_is_named() -> None:
+    record = simulated(QC, "trapezoid", noise=True)
+    assert only_kinds(record) == set()
+    copied = Record({**record.signals, "q_c": record.signals["q_m"].copy()}, record.fs, "trapezoid")
+    (found,) = (one for one in suspicions(QC, [copied]) if one.kind == "copied")
+    assert found.where == f"trapezoid, channel q_c, samples 0 to {record.n - 1}"
+    assert found.what == "holds the readings of q_m"
+    nearly = copied.signals["q_c"].copy()
+    nearly[17] = nearly[18]
+    assert only_kinds(Record({**record.signals, "q_c": nearly}, record.fs)) == set()
+
+
+def only_kinds(record: Record) -> set[str]:
+    return {one.kind for one in suspicions(QC, [record])}
+
+
 def test_a_sensor_without_noise_that_sticks_is_named() -> None:
     record = simulated(QC, "trapezoid")
     found = only(QC, faulty(record, "q_c", held(1500, 200)))
