@@ -66,7 +66,10 @@ Rate = Annotated[
 Duration = Annotated[
     float | None, typer.Option(metavar="SECONDS", help="Duration in s of every record: 2; of an arm 10.")
 ]
-Method = Annotated[str | None, typer.Option(help="The estimator: wls, or iv (no bias, far slower); wls.")]
+Method = Annotated[
+    str | None,
+    typer.Option(help="The estimator: auto, what identify does by default; wls or iv, in closed form; auto."),
+]
 Draws = Annotated[int | None, typer.Option(metavar="N", help="Confirm every set by N simulated experiments.")]
 
 
@@ -159,8 +162,7 @@ def _predicted(
     ranked: Sequence[Prediction], options: Mapping[str, Any], refused: Mapping[str, str], wanted: float
 ) -> dict[str, Any]:
     from modelgen.cli.design_tables import describe
-    from modelgen.runtime.planning.planned_experiment import DEFAULT_METHOD
-    from modelgen.runtime.planning.sensor_set_ranking import cheapest
+    from modelgen.runtime.planning.sensor_set_ranking import DEFAULT_METHOD, cheapest
 
     return {
         "method": options["method"] or DEFAULT_METHOD,

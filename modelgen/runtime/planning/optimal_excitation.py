@@ -17,12 +17,13 @@ from typing import TypedDict, Unpack
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError, ModelgenError, Problem
+from modelgen.errors import DataError, IdentifiabilityError, ModelgenError, Problem
 from modelgen.keyword_options import with_defaults
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.planning.peaks import LIMITS, peaks_of
 from modelgen.runtime.planning.planned_experiment import PAIR, Experiment, experiment
-from modelgen.runtime.planning.predicted_precision import Predicted, predict
+from modelgen.runtime.planning.precision import Predicted
+from modelgen.runtime.planning.predicted_precision import predict
 from modelgen.runtime.planning.random_search import best_of_trials
 from modelgen.runtime.planning.thresholds import (
     FAILED,
@@ -94,7 +95,7 @@ def optimise(
     model, parameters, instruments
         As in `modelgen.runtime.planning.planned_experiment.experiment`.
     method : str, optional
-        The estimator, by default "wls".
+        The estimator by whose prediction it searches, by default (and for "auto") "wls".
     criterion : str
         "worst", the default: largest predicted error of a parameter; "d-optimal": geometric mean of all;
         "condition": condition number of the weighted observation matrix.
@@ -110,17 +111,23 @@ def optimise(
     ------
     DataError
         For an unknown criterion or limit.
+    IdentifiabilityError
+        When the pair leaves parameters open.
     """
     search = with_defaults("optimise", options, SearchOptions, SearchOptions(criterion="worst", rounds=200))
     criterion, limits = search["criterion"], search["limits"] or {}
     _check(criterion, limits)
     plant = make_plant(model, parameters)
-    method = method or "wls"  # which gives its weights in a fraction of the time of iv
+    method = "wls" if method in (None, "auto") else method  # a closed form, in a fraction of the time of iv
     pair = experiment(model, parameters, instruments, PAIR, fs=fs, duration_s=duration_s, method=method)
     bounds = {**peaks_of(plant, pair.simulations), **limits}
     trial = _Trial(plant, instruments, bounds, criterion, fs, duration_s, method)
+    promised = predict(pair)
+    if promised.refused:
+        what = f"{', '.join(promised.refused)} cannot be had from chirp and trapezoid by method {method}"
+        raise IdentifiabilityError.at("optimise", f"{what}, by whose predictions it searches", "add a sensor")
     _, best = best_of_trials(trial, trial.starts, search["rounds"])
-    before = {entry.name: entry.error for entry in predict(pair).precisions}
+    before = {entry.name: entry.error for entry in promised.precisions}
     planned, found = trial.planned(best)
     return Optimised(
         tuple(found.reference for found in planned.simulations),
@@ -144,7 +151,7 @@ class _Trial:
         criterion: str,
         fs: float,
         duration_s: float,
-        method: str | None,
+        method: str,
     ) -> None:
         self._plant, self._instruments, self._limits = plant, instruments, limits
         self._criterion, self._fs, self._duration_s, self._method = criterion, fs, duration_s, method
@@ -235,7 +242,7 @@ class _Trial:
         if found.refused:
             return FAILED
         if self._criterion == "condition":
-            return log(found.information.condition_number)
+            return log(found.condition_number)
         errors = np.log([max(entry.error, 1e-300) for entry in found.precisions])
         return float(errors.mean() if self._criterion == "d-optimal" else errors.max())
 

@@ -17,7 +17,6 @@ from modelgen.runtime.simulation.sensor_readings import readings
 from modelgen.runtime.simulation.simulate import Simulation, simulate
 
 PAIR = ("chirp", "trapezoid")
-DEFAULT_METHOD = "wls"
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +44,7 @@ def experiment(
     *,
     fs: float = 5000.0,
     duration_s: float = 2.0,
-    method: str | None = None,
+    method: str = "wls",
     choice: FilterChoice | None = None,
 ) -> Experiment:
     """Simulate an experiment, choose the filter on a noisy copy, and take the weights of one estimate.
@@ -60,8 +59,9 @@ def experiment(
         As in `modelgen.simulate`, one record each.
     fs, duration_s : float
         Sampling frequency in Hz; duration in s of an excitation that is given by its kind.
-    method : str, optional
-        The estimator, by default "wls"; "iv" has no bias, and takes far longer.
+    method : str
+        The estimator, by default "wls"; "iv" has no bias, and takes far longer; "auto" is the default of
+        `identify`.
     choice : FilterChoice, optional
         Its filter, by default chosen as from measured records.
     """
@@ -69,15 +69,16 @@ def experiment(
         simulate(model, parameters, kind, fs=fs, duration_s=duration_s if isinstance(kind, str) else None)
         for kind in excitations
     )
-    name = method or DEFAULT_METHOD
     noisy = _records(model, simulations, instruments, 0)
     choice = choice or choose_filter(model, noisy)
+    if method == "auto":
+        return Experiment(model, parameters, simulations, dict(instruments), method, choice, {})
     try:
-        fit = METHODS[name].run(Job(model, noisy, choice))[1]
+        fit = METHODS[method].run(Job(model, noisy, choice))[1]
     except DataError as error:  # the cut-off that this noise asks for takes more than the records have
         raise IdentifiabilityError(*error.problems) from error
     weights = {(b.record, b.row): w for b, w in zip(fit.blocks, fit.weights, strict=True)}
-    return Experiment(model, parameters, simulations, dict(instruments), name, choice, weights)
+    return Experiment(model, parameters, simulations, dict(instruments), method, choice, weights)
 
 
 def _records(

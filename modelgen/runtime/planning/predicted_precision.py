@@ -1,16 +1,16 @@
 """The precision that a planned experiment promises, of every physical parameter.
 
-Covariance and bias of the base parameters follow in closed form (`information`). The step to the physical
-ones is the estimator's own: where base parameters are composites it is nonlinear and weighted by the
-estimate's covariance, which is taken from a few noisy records, and so is what the estimator would refuse.
+That of the default of `identify` is what it states (`default_precision`). Of other methods covariance and
+bias of the base parameters follow in closed form (`information`). The step to the physical ones is the
+estimator's own: where base parameters are composites it is nonlinear and weighted by the estimate's
+covariance, which is taken from a few noisy records, and so is what the estimator would refuse.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from math import hypot, sqrt
+from math import sqrt
 from typing import TypeAlias
 
 import numpy as np
@@ -31,7 +31,9 @@ from modelgen.runtime.parameters.physical_parameters import (
     physical_parameters,
 )
 from modelgen.runtime.planning.closed_form_information import Information, information
+from modelgen.runtime.planning.default_precision import default_estimate, default_precision
 from modelgen.runtime.planning.planned_experiment import Experiment
+from modelgen.runtime.planning.precision import Precision, Predicted
 from modelgen.runtime.planning.thresholds import (
     FACTOR_ERROR,
     FEW_COPIES,
@@ -51,35 +53,6 @@ Pairs: TypeAlias = dict[str, tuple[FloatArray, FloatArray]]
 Fitted: TypeAlias = dict[int, Mapping[str, float]]
 
 
-@dataclass(frozen=True)
-class Precision:
-    """What is predicted of one physical parameter; `std` and `bias` in % of its magnitude."""
-
-    name: str
-    value: float
-    std: float
-    bias: float
-
-    @property
-    def error(self) -> float:
-        """Root of std^2 + bias^2, in %."""
-        return hypot(self.std, self.bias)
-
-
-@dataclass(frozen=True, eq=False)
-class Predicted:
-    """What an experiment promises; `refused` maps the physical parameters it leaves open to the reason."""
-
-    information: Information
-    precisions: tuple[Precision, ...]
-    refused: Mapping[str, str]
-
-    @property
-    def worst(self) -> float:
-        """Largest error in % of the parameters that are not refused."""
-        return max((entry.error for entry in self.precisions), default=0.0)
-
-
 def predict(planned: Experiment) -> Predicted:
     """Return what the experiment promises.
 
@@ -88,6 +61,8 @@ def predict(planned: Experiment) -> Predicted:
     IdentifiabilityError
         When the experiment does not determine all base parameters.
     """
+    if planned.method == "auto":
+        return default_precision(planned)
     noise = {key: instrument.std for key, instrument in planned.instruments.items()}
     found = information(
         planned.model,
@@ -138,7 +113,9 @@ def _open(model: Model, estimates: Sequence[Estimate]) -> list[str]:
 
 
 def estimate_once(planned: Experiment, seed: int) -> Estimate:
-    """Return the estimate from one noisy copy of the experiment, with the planned filter."""
+    """Return the estimate from one noisy copy of the experiment, with the planned filter but by default."""
+    if planned.method == "auto":
+        return default_estimate(planned, seed)
     choice, model = planned.choice, planned.model
     # drift moves no value, but decides which parameters follow from composites; other checks only advise
     composites = all_from_composites(model)
@@ -181,9 +158,8 @@ def _physical(
         if entry.name not in refused
     )
     drowned = _drowned(model, precisions)
-    return Predicted(
-        found, tuple(one for one in precisions if one.name not in drowned), {**refused, **drowned}
-    )
+    given = tuple(one for one in precisions if one.name not in drowned)
+    return Predicted(found.condition_number, given, {**refused, **drowned}, found)
 
 
 def _drowned(model: Model, precisions: Sequence[Precision]) -> dict[str, str]:

@@ -1,7 +1,8 @@
 """Which sensors, before they are bought: predicted precision of every parameter, per sensor set.
 
-An experiment is simulated without noise; what instruments of a stated noise and resolution make of it follows
-in closed form (`prediction`), bias of the estimator included. Monte Carlo confirms it on request.
+An experiment is simulated; what instruments of a stated noise and resolution make of it is what the default
+of `identify` states of noisy copies, or follows in closed form for one method, its bias included. Monte Carlo
+confirms it on request.
 """
 
 from __future__ import annotations
@@ -14,10 +15,13 @@ from math import inf
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.planning.planned_experiment import PAIR, Experiment, experiment
-from modelgen.runtime.planning.predicted_precision import Precision, Predicted, predict
+from modelgen.runtime.planning.precision import Precision, Predicted
+from modelgen.runtime.planning.predicted_precision import predict
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.instrument import Instrument
 from modelgen.runtime.simulation.sensor_readings import instrument_keys
+
+DEFAULT_METHOD = "auto"
 
 
 @dataclass(frozen=True)
@@ -57,18 +61,21 @@ def judge_set(
     duration_s: float = 2.0,
     method: str | None = None,
 ) -> Prediction:
-    """Return the predicted precision of a sensor set, or why it cannot identify the chain."""
+    """Return the predicted precision of a sensor set, by default of what `identify` does, or why it cannot
+    identify the chain.
+    """
     channels = instrument_keys(model)
     price = sum(instruments[key].price for key in channels if key in instruments)
     own = {key: instruments[key] for key in channels if key in instruments}
     try:
-        planned = experiment(model, parameters, own, excitations, fs=fs, duration_s=duration_s, method=method)
+        how = method or DEFAULT_METHOD
+        planned = experiment(model, parameters, own, excitations, fs=fs, duration_s=duration_s, method=how)
         found = predict(planned)
     except IdentifiabilityError as error:
         reason = "; ".join(str(problem) for problem in error.problems)
         return Prediction(name, channels, price, (), model.parameters, inf, reason)
     reason = "; ".join(_grouped(found.refused))
-    condition = found.information.condition_number
+    condition = found.condition_number
     missing = tuple(found.refused)
     return Prediction(
         name, channels, price, found.precisions, missing, condition, reason, planned=planned, promised=found

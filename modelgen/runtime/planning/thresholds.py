@@ -26,6 +26,10 @@ BLIND = 25.0
 # The scale of a trial is met to this share below the limit.
 SAFETY = 0.999
 
+# Noisy copies of the experiment that the default of `identify` is run on: its stated deviations differ by
+# some 8 % from one to the next.
+COPIES = 3
+
 # Noisy copies of the experiment, from whose estimates the weights of composites follow: some at first, then
 # twice as many until the factor that they give is known well enough, or as many at most ...
 FIRST_COPIES = 16

@@ -126,7 +126,7 @@ def test_composites_weighted_by_their_own_drift_are_copied_until_that_is_known(
 
 @pytest.mark.slow
 def test_parameters_that_the_estimator_refuses_are_missing(ten: dict[str, Model]) -> None:
-    found = judge_set("q_c", ten["q_c"], TABLE_2, BENCH)
+    found = judge_set("q_c", ten["q_c"], TABLE_2, BENCH, method="wls")
     assert found.worst == np.inf
     assert {"J_c", "K", "F_vmc"} <= set(found.missing)
     assert "too much for the step from the composites" in found.reason
@@ -136,7 +136,7 @@ def test_parameters_that_the_estimator_refuses_are_missing(ten: dict[str, Model]
 @pytest.mark.slow(begins="first")
 def test_the_order_of_sensor_sets_is_that_of_repeated_experiments(ten: dict[str, Model]) -> None:
     chosen = ("q_m+q_c", "q_c+v_m", "v_m", "q_c")
-    judged = rank([judge_set(key, ten[key], TABLE_2, BENCH) for key in chosen])
+    judged = rank([judge_set(key, ten[key], TABLE_2, BENCH, method="wls") for key in chosen])
     ranked = [p.sensor_set for p in judged]
     assert ranked == ["q_c+v_m", "q_m+q_c", "v_m", "q_c"]
     worst = {

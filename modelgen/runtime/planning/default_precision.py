@@ -1,0 +1,61 @@
+"""The precision that the default of `identify` promises: what it states of noisy copies of the experiment.
+
+It has no closed form. Delays of forces that are free, effects that a residual cannot exclude and what other
+filters would change widen its intervals; weights by the spectrum of the noise narrow them; and composites it
+need not know, where it estimates the physical parameters themselves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modelgen.errors import DataError, IdentifiabilityError
+from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.planning.planned_experiment import Experiment
+from modelgen.runtime.planning.precision import Precision, Predicted
+from modelgen.runtime.planning.thresholds import COPIES
+from modelgen.runtime.results.estimate import Estimate
+
+
+def default_estimate(planned: Experiment, seed: int) -> Estimate:
+    """Return what `identify` makes of one noisy copy of the experiment, with its defaults.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When it gives no parameter.
+    """
+    try:
+        return identify(planned.model, planned.records(seed))
+    except DataError as error:  # a record too short for the filter that this noise asks for, say
+        raise IdentifiabilityError(*error.problems) from error
+
+
+def default_precision(planned: Experiment) -> Predicted:
+    """Return what the experiment promises: root mean squares of stated deviations, of those most copies give.
+
+    Raises
+    ------
+    IdentifiabilityError
+        When most copies give no parameter.
+    """
+    estimates: list[Estimate] = []
+    for seed in range(COPIES):
+        try:
+            estimates.append(default_estimate(planned, seed))
+        except IdentifiabilityError:
+            if 2 * (seed + 1 - len(estimates)) > COPIES:
+                raise
+    true = {**planned.model.known, **planned.parameters}
+    precisions, refused = [], {}
+    for name in planned.model.parameters:
+        found = [entry.std for one in estimates for entry in one.parameters.physical if entry.name == name]
+        if 2 * len(found) > COPIES:
+            percent = 100.0 / (abs(true[name]) or np.nan)
+            precisions.append(
+                Precision(name, true[name], float(np.sqrt(np.mean(np.square(found)))) * percent, 0.0)
+            )
+        else:
+            reasons = (one.not_identifiable[name] for one in estimates if name in one.not_identifiable)
+            refused[name] = next(reasons, "is refused")
+    return Predicted(estimates[0].condition_number, tuple(precisions), refused)
