@@ -13,7 +13,8 @@ import numpy as np
 from modelgen.errors import IdentifiabilityError
 from modelgen.progress import counted
 from modelgen.runtime.planning.planned_experiment import Experiment
-from modelgen.runtime.planning.predicted_precision import Predicted, estimate_once, predict
+from modelgen.runtime.planning.precision import Predicted
+from modelgen.runtime.planning.predicted_precision import estimate_once, predict
 from modelgen.runtime.planning.thresholds import GIVEN_SHARE, WEIGHING
 
 # Other noise than that which the prediction looks at.

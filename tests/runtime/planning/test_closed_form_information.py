@@ -16,7 +16,8 @@ from modelgen.runtime.parameters import physical_parameters
 from modelgen.runtime.planning import predicted_precision as predictions
 from modelgen.runtime.planning.monte_carlo import Spread, misorders, monte_carlo, worst_spread
 from modelgen.runtime.planning.planned_experiment import Experiment, experiment
-from modelgen.runtime.planning.predicted_precision import Precision, estimate_once, predict
+from modelgen.runtime.planning.precision import Precision
+from modelgen.runtime.planning.predicted_precision import estimate_once, predict
 from modelgen.runtime.planning.sensor_set_ranking import Prediction, cheapest, judge_set, rank
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.instrument import Instrument
