@@ -158,8 +158,8 @@ def _physical(
         if entry.name not in refused
     )
     drowned = _drowned(model, precisions)
-    given = tuple(one for one in precisions if one.name not in drowned)
-    return Predicted(found.condition_number, given, {**refused, **drowned}, found)
+    left = tuple(one for one in precisions if one.name not in drowned)
+    return Predicted(found.condition_number, left, {**refused, **drowned}, found)
 
 
 def _drowned(model: Model, precisions: Sequence[Precision]) -> dict[str, str]:
