@@ -134,7 +134,7 @@ def test_memory_does_not_grow_with_samples_from_files(
         return plain(self, key, start, stop)
 
     monkeypatch.setattr(NpyChannels, "read", read)
-    for n in (20_000, 600_000, 900_000):  # the first loads the code
+    for n in (20_000, 600_000, 1_200_000):  # the first loads the code
         folder = tmp_path / str(n)
         folder.mkdir()
         written(folder, n)
@@ -145,7 +145,8 @@ def test_memory_does_not_grow_with_samples_from_files(
             peaks.append(tracemalloc.get_traced_memory()[1])
         finally:
             tracemalloc.stop()
-    # what one channel would take that is kept; rows, several times, take half of it
-    assert peaks[2] - peaks[1] < 8.0 * 300_000
+    # what one channel would take that is kept; rows, several times, take half of it. Peaks of equal runs
+    # differ by 3 MB where two threads make their chunks.
+    assert peaks[2] - peaks[1] < 8.0 * 600_000
     # no step reads all of a record at a time
     assert max(lengths) < 600_000
