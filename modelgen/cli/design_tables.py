@@ -106,7 +106,7 @@ def _optimised(found: Mapping[str, Any]) -> list[Any]:
     line = f"largest error {found['worst_percent']:.3g} % instead of {found['pair_worst_percent']:.3g} %"
     return [
         table(
-            "Optimised excitation against chirp and trapezoid",
+            f"Optimised excitation against chirp and trapezoid ({found['method']})",
             ("parameter", ">pair %", ">optimised %"),
             rows,
         ),

@@ -254,6 +254,7 @@ def _optimise(
     return {
         "written": [str(p) for p in written],
         "criterion": search["criterion"],
+        "method": found.method,
         "limits": {key: float(value) for key, value in found.limits.items()},
         "reached": {key: float(value) for key, value in found.reached.items()},
         "pair_worst_percent": found.pair_worst,

@@ -58,7 +58,7 @@ class Optimised:
     """The optimised excitations, the limits and what is reached of them, and the gain over the pair.
 
     `worst` and `pair_worst` are the largest predicted errors in %; `parameters` holds (name, error with the
-    pair, error now), in %.
+    pair, error now), in %. `method` is the estimator that these errors are predicted for.
     """
 
     excitations: tuple[Excitation, ...]
@@ -68,6 +68,7 @@ class Optimised:
     pair_worst: float
     worst: float
     parameters: tuple[tuple[str, float, float], ...]
+    method: str
 
 
 class SearchOptions(TypedDict, total=False):
@@ -137,6 +138,7 @@ def optimise(
         max(before.values()),
         found.worst,
         tuple((entry.name, before.get(entry.name, inf), entry.error) for entry in found.precisions),
+        method,
     )
 
 
