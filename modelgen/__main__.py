@@ -17,7 +17,7 @@ def run() -> None:
     Who ends it by SIGTERM (a job scheduler, `timeout`) leaves no temporary file or process of it either.
     """
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
-        signal.signal(signal.SIGTERM, _terminated)
+        signal.signal(signal.SIGTERM, terminated)
     with usable_streams():
         try:
             use_one_blas_thread()
@@ -29,7 +29,8 @@ def run() -> None:
             sys.exit(130)
 
 
-def _terminated(number: int, _: object) -> None:
+def terminated(number: int, _: object) -> None:
+    """End this process with the exit code that shells show for a signal, after cleaning up."""
     sys.exit(128 + number)
 
 

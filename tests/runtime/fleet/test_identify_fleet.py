@@ -6,7 +6,7 @@ import json
 import os
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from generated import emps300_qm_qc
+from modelgen.__main__ import terminated
 from modelgen.errors import DataError
 from modelgen.runtime.files.npy_channels import NpyChannels, open_npy
 from modelgen.runtime.fleet import checkpoint
@@ -224,29 +225,26 @@ def test_workers_use_one_thread_and_keep_their_memory(client: Any) -> None:
     assert {name: found[name] for name in wanted} == {n: os.environ.get(n, v) for n, v in wanted.items()}
 
 
-def test_an_interruption_waits_until_a_cluster_has_started() -> None:
+@pytest.mark.parametrize(
+    ("number", "handler", "error"),
+    [
+        (signal.SIGINT, signal.default_int_handler, KeyboardInterrupt),
+        (signal.SIGTERM, terminated, SystemExit),
+    ],
+)
+def test_what_ends_a_command_waits_until_a_cluster_has_started(
+    number: signal.Signals, handler: Callable[..., None], error: type[BaseException]
+) -> None:
     """dask's own exit ends in a traceback where a cluster has started in part."""
-    before, started = signal.getsignal(signal.SIGINT), False
-    with pytest.raises(KeyboardInterrupt), interrupted_afterwards():
-        os.kill(os.getpid(), signal.SIGINT)
-        started = True
-    assert started
-    assert signal.getsignal(signal.SIGINT) is before
-
-
-def test_an_end_by_a_scheduler_waits_until_a_cluster_has_started() -> None:
-    def ended(*_: object) -> None:
-        raise SystemExit(143)
-
-    before, started = signal.signal(signal.SIGTERM, ended), False
+    before, started = signal.signal(number, handler), False
     try:
-        with pytest.raises(SystemExit), interrupted_afterwards():
-            os.kill(os.getpid(), signal.SIGTERM)
+        with pytest.raises(error), interrupted_afterwards():
+            os.kill(os.getpid(), number)
             started = True
         assert started
-        assert signal.getsignal(signal.SIGTERM) is ended
+        assert signal.getsignal(number) is handler
     finally:
-        signal.signal(signal.SIGTERM, before)
+        signal.signal(number, before)
 
 
 def test_an_interruption_is_for_who_waits_alone(client: Any) -> None:
