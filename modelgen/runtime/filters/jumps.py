@@ -25,6 +25,11 @@ from modelgen.runtime.filters.thresholds import (
     MOST_STEPPING,
     STEP,
     STEP_APART,
+    STEP_CHANGE,
+    STEP_NOISE,
+    STEP_ORDER,
+    STEP_ROUNDS,
+    STEP_SHARE,
 )
 
 # Differences of even order are symmetric: a jump is in the middle.
@@ -46,26 +51,50 @@ def jumps(samples: FloatArray) -> IntArray:
 def steps(samples: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return the samples at which a signal, shape (n,), takes a step, and how large it is, in its unit.
 
-    Shape (steps,) each. A step stands out of the changes about it, and may come as often as in a random
-    binary signal; where the usual change is as large there are none.
+    Shape (steps,) each. A step stands out of what samples before predict, and may come as often as in a
+    random binary signal; where the usual change is as large there are none.
     """
     none = np.zeros(0, dtype=np.int64), np.zeros(0)
-    change = np.diff(samples)
-    if len(change) < STEP_APART:
+    if len(samples) < STEP_APART * STEP_ORDER:
         return none
-    size = np.abs(change)
-    usual = float(np.median(size)) / MEDIAN_OF_NORMAL
-    places = np.flatnonzero(size > max(STEP * usual, LEAST_JUMP * float(np.std(samples))))
+    change, left = np.diff(samples), np.abs(_unpredicted(samples))
+    usual = float(np.median(left)) / MEDIAN_OF_NORMAL
+    places = np.flatnonzero(left > max(STEP * usual, LEAST_JUMP * float(np.std(samples))))
     if usual == 0.0 or not places.size or len(places) > MOST_STEPPING * len(samples):
         return none
-    around = places[:, None] + np.arange(-STEP_APART, STEP_APART + 1)
-    near = np.median(size[np.clip(around, 0, len(size) - 1)], axis=1) / MEDIAN_OF_NORMAL
-    places = places[size[places] > STEP * near]
+    places = places[left[places] > STEP * _usual_near(left, places)] + STEP_ORDER - 1
+    # what bends is not predicted either, and changes as much from there on, nor is the answer to a step that
+    # noise hides elsewhere, which is smaller than the step
+    size = np.abs(change)
+    places = places[size[places] > STEP_CHANGE * _usual_near(size, places)]
+    places = places[size[places] > STEP_SHARE * _largest_around(size, places, STEP_ORDER)]
     rest = np.ones(len(change), dtype=bool)
     rest[places] = False
     # up to a step it changes as before: a controller that feels the step answers behind it
     before = np.maximum.accumulate(np.where(rest, np.arange(len(change)), -1))[places]
     return places + 1, change[places] - np.where(before < 0, 0.0, change[before])
+
+
+def _unpredicted(samples: FloatArray) -> FloatArray:
+    """Return what the samples before do not predict of a signal, shape (n - STEP_ORDER,).
+
+    A controller answers a step in the samples behind it, as it answers everything: the prediction is the one
+    that leaves least of what is no step.
+    """
+    past = np.lib.stride_tricks.sliding_window_view(samples[:-1], STEP_ORDER)
+    past, now = np.column_stack([past, np.ones(len(past))]), samples[STEP_ORDER:]
+    usual, left = np.ones(len(now), dtype=bool), now
+    for _ in range(STEP_ROUNDS):
+        left = now - past @ np.linalg.lstsq(past[usual], now[usual], rcond=None)[0]
+        size = np.abs(left)
+        usual = size <= STEP_NOISE * float(np.median(size)) / MEDIAN_OF_NORMAL
+    return np.asarray(left)
+
+
+def _usual_near(sizes: FloatArray, places: IntArray) -> FloatArray:
+    """Return the usual one of some sizes before and behind each place; of normal noise its deviation."""
+    around = np.clip(places[:, None] + np.arange(-STEP_APART, STEP_APART + 1), 0, len(sizes) - 1)
+    return np.asarray(np.median(sizes[around], axis=1) / MEDIAN_OF_NORMAL)
 
 
 def bends(samples: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -44,9 +44,14 @@ JUMP_ORDER, MEDIAN_OF_NORMAL = 16, 0.6745
 # 500 Hz thirty. It is no less than this share of the signal's standard deviation, and jumps are a small share
 # of the samples.
 JUMP, LEAST_JUMP, MOST_JUMPS = 10.0, 1e-3, 0.1
-# A step is a change of so many times the usual one (of normal noise its standard deviation), of all samples
-# and of so many before and behind it; at most this share of the samples takes one.
-STEP, STEP_APART, MOST_STEPPING = 10.0, 6, 0.3
+# A step is what so many samples before do not predict by so many times the usual (of normal noise its
+# standard deviation), of all samples and of so many before and behind it; at most this share of the samples
+# takes one.
+STEP_ORDER, STEP, STEP_APART, MOST_STEPPING = 4, 10.0, 6, 0.3
+# The signal changes there by so many times what is usual nearby, and by this share of its largest change as
+# near as the prediction reaches. That is found in so many rounds, of samples of which it leaves no more than
+# so many deviations.
+STEP_CHANGE, STEP_SHARE, STEP_ROUNDS, STEP_NOISE = 3.0, 0.5, 6, 3.0
 
 # A reading that begins again after a turn jumps by more than this share of its range, and its other steps
 # are no larger than that; with the turns added, no second difference is so many times the largest elsewhere.

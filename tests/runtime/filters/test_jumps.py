@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from modelgen.runtime.filters.jumps import bends, jumps, steps
 from modelgen.runtime.records.record import Record
@@ -80,6 +81,19 @@ def test_steps_of_a_binary_signal_are_found_with_their_size() -> None:
     change = np.diff(binary)
     assert places.tolist() == (np.flatnonzero(change) + 1).tolist()
     np.testing.assert_allclose(sizes, change[places - 1], atol=0.01)
+
+
+@pytest.mark.parametrize(("often", "kept"), [(8, 0.7), (16, 0.5), (200, 0.5)])
+def test_steps_are_found_that_a_controller_answers_within_samples(often: int, kept: float) -> None:
+    rng = np.random.default_rng(8)
+    binary = np.repeat(rng.choice([-1.0, 1.0], N // often), often)
+    change = np.diff(binary, prepend=binary[:1])
+    force = np.zeros(len(binary))
+    for k in range(1, len(binary)):
+        force[k] = kept * force[k - 1] + change[k]
+    places, sizes = steps(force + 2e-3 * rng.normal(size=len(binary)))
+    assert places.tolist() == np.flatnonzero(change).tolist()
+    np.testing.assert_allclose(sizes, change[places], atol=0.05)
 
 
 def test_motion_and_noise_take_no_steps() -> None:
