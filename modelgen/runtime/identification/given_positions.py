@@ -8,23 +8,23 @@ values those are tried, and deflections of so many parts of the motion.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import chain
-from typing import Protocol
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
+from modelgen.runtime.identification.contradiction import below_zero
 from modelgen.runtime.identification.cutoffs.cutoff_steps import higher_cutoffs
-from modelgen.runtime.identification.elastic.likely_places import likely_places
+from modelgen.runtime.identification.elastic.likely_places import explains, likely_places
 from modelgen.runtime.identification.elastic.other_springs import other_springs
-from modelgen.runtime.identification.elastic.settling import settled_with
-from modelgen.runtime.identification.elastic.starting_springs import springs_pull
+from modelgen.runtime.identification.elastic.rest import Drifting, Rest
+from modelgen.runtime.identification.elastic.settling import begun_with_forces_open, settled_with
+from modelgen.runtime.identification.elastic.starting_springs import springs_pull, starting_springs
 from modelgen.runtime.identification.elastic.steps_about import (
-    columns_of,
     fit_about,
     left_by,
     moved,
@@ -40,6 +40,7 @@ from modelgen.runtime.identification.thresholds import (
     AS_LIKELY,
     BETTER_PLACES,
     CUTOFFS_WITHOUT_ESTIMATE,
+    FEWEST_SCATTERED,
     LONGEST_SERIES,
     MORE_STEPS,
     MOST_STEPS,
@@ -51,52 +52,10 @@ from modelgen.runtime.identification.thresholds import (
 )
 from modelgen.runtime.least_squares.delays import with_holds
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.thresholds import BEYOND_CHANCE
 from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open
-
-
-class Drifting(Protocol):
-    """What an estimate rests on, and moves by as that is uncertain."""
-
-    @property
-    def late(self) -> tuple[tuple[str, float, float], ...]:
-        """Channels that were late, by how many s, and the deviations of that."""
-
-    def drift(self, fit: Fit, model: Model) -> FloatArray:
-        """Return what noise moves the estimate by through it, as a mean square in SI, shape (c, c)."""
-
-
-@dataclass(frozen=True, eq=False)
-class Rest:
-    """Where steps came to rest: a point, and by which ratio they shrank along a direction.
-
-    The ratio is 0 where they did not shrink slowly; `point` and `along`, in SI, are (base parameters,), and
-    so is each of `beyond`, by what the point is uncertain as springs elsewhere are as likely.
-    """
-
-    point: FloatArray
-    along: FloatArray
-    ratio: float
-    beyond: tuple[FloatArray, ...] = ()
-    late: tuple[tuple[str, float, float], ...] = ()
-
-    def drift(self, fit: Fit, model: Model) -> FloatArray:
-        """Return what noise moves the estimate by through the point, as a mean square in SI, (c, c).
-
-        A fit holds the point as it is. As that moves with the estimate by `ratio` along the direction, what
-        noise moves a step by is 1 / (1 - ratio) times as much when steps have come to rest.
-        """
-        columns = columns_of(fit, model)
-        ratio, along = self.ratio, self.along[columns]
-        others = sum((np.outer(one[columns], one[columns]) for one in self.beyond), np.zeros(2 * along.shape))
-        pull = fit.triangle[: len(along), : len(along)].T @ weighted(fit, self.along, model)
-        length = float(along @ pull)
-        if not ratio or not length:
-            return others
-        share = float(pull @ hac_covariance(fit) @ pull) / length**2
-        return others + ((1.0 - ratio) ** -2 - 1.0) * share * np.outer(along, along)
 
 
 def about_the_estimate(task: Task) -> tuple[Task, Drifting | None]:
@@ -170,30 +129,71 @@ def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
     """Return the task about its estimate, and where that rests; None where no start leads there.
 
     Half a sample of a command that a drive holds hides the springs of motors that no sensor sees: where rows
-    of held commands leave less, that is about their estimate, from which the channels are set right.
+    of held commands are clearly more likely, the task is of those. Where rows tell neither, what the estimate
+    moves by is in its deviations.
     """
-    found = _searched(task, kernel)
-    if not kernel.speeds or not task.sets_channels_right:
-        return found
+    if not task.sets_channels_right:
+        return _searched(task, kernel)
     # others need not load it
     from modelgen.runtime.identification.elastic.channel_errors import forces_of_drives
 
-    drives = list(forces_of_drives(task.model))
-    held = _searched(task.changed(partial(with_holds, channels=drives)), kernel)
-    if held is None or (found is not None and _misfit(held[0]) > _misfit(found[0]) - AS_LIKELY):
-        return found
-    return _about_rest(task, kernel, Rest(held[1].point, np.zeros(len(held[1].point)), 0.0))
+    drives = forces_of_drives(task.model)
+    plain, held = _with_and_without_holds(task, task.changed(partial(with_holds, channels=drives)), kernel)
+    if held is None or plain is None:
+        return plain or (held and (held[0], replace(held[1], held=drives)))
+    of_plain, of_held = _misfit(plain[0]), _misfit(held[0])
+    if of_plain > of_held + AS_LIKELY:
+        return held[0], replace(held[1], held=drives)
+    alike = (held[1].point - plain[1].point,) if of_held < of_plain + AS_LIKELY else ()
+    return plain[0], replace(plain[1], beyond=(*plain[1].beyond, *alike))
+
+
+def _with_and_without_holds(
+    task: Task, held: Task, kernel: DeflectedKernel
+) -> tuple[tuple[Task, Rest] | None, tuple[Task, Rest] | None]:
+    """Return two tasks of the same records about their estimates, and where these rest.
+
+    The more starts take long, and are of use where neither is explained without.
+    """
+    plain = _searched(task, kernel, scattered=False)
+    if plain is not None and _explained(*plain, kernel):
+        near = _at_rest(held, _on_time(held), kernel, (plain[1].point,), others=False)
+        return plain, near or _searched(held, kernel, scattered=False)
+    other = _searched(held, kernel, scattered=False)
+    if len(kernel.giving) < FEWEST_SCATTERED or (other is not None and _explained(*other, kernel)):
+        return plain, other
+    return _searched(task, kernel), _searched(held, kernel)
+
+
+def _explained(task: Task, rest: Rest, kernel: DeflectedKernel) -> bool:
+    return explains(_on_time(task), kernel, rest.point) and np.isfinite(_misfit(task))
 
 
 def _misfit(task: Task) -> float:
-    """Return the logarithm of how unlikely rows are, less a constant."""
+    """Return the logarithm of how unlikely rows about a place are, less a constant; of no arm infinite.
+
+    With links or motors of negative inertia rows of another place are explained as well.
+    """
     fit = run_wls(_on_time(task))[1]
+    none = np.zeros((len(fit.columns),) * 2)
+    if max(below_zero(task.model, fit, none).values(), default=0.0) > BEYOND_CHANCE:
+        return np.inf
     return fit.count * left_by(fit)
 
 
-def _searched(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
+def _searched(task: Task, kernel: DeflectedKernel, scattered: bool = True) -> tuple[Task, Rest] | None:
+    """Return the task about where steps from many starts rest, and that; None where they rest nowhere.
+
+    Directions of motors that no sensor sees are off where springs are: rows with all forces then lead to
+    links of negative inertia, and rows that leave forces open to the place.
+    """
     job = _on_time(task)
-    return _at_rest(task, job, kernel, likely_places(job, kernel))
+    if kernel.speeds:
+        begun = begun_with_forces_open(job, kernel, starting_springs(job.model, kernel, job.records))
+        point = rest_with_forces_open(job, kernel, begun)
+        if point is not None and (not scattered or explains(job, kernel, point)):
+            return _about_rest(task, kernel, Rest(point, np.zeros(len(point)), 0.0))
+    return _at_rest(task, job, kernel, likely_places(job, kernel, scattered))
 
 
 def _on_time(task: Task) -> Job:

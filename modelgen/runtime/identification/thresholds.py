@@ -210,6 +210,8 @@ STEPS_HELD, FEW_STEPS, MORE_STEPS, BEST_PLACES = 4, 5, 20, 2
 # Where those lead to nothing but what is far over noise: shares of the motion by which springs deflect, each
 # by another, near a mode by more than the motor moves; how many such starts, and those that leave least, from
 # which steps are taken. Of 16 for three springs three led to the right place. Steps to the root: to rounding.
+# One spring alone has nothing to be in ratio to.
+FEWEST_SCATTERED = 2
 SCATTERED, SCATTERED_STARTS, LIKELY_STARTS, ROOT_STEPS = (0.003, 3.0), 16, 4, 60
 # The first weight of a step's changes, of columns of length one, where it leaves more without, and the
 # largest; what a step is to gain at least, a logarithm, and how near springs are at one place, a share of

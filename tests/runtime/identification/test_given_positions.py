@@ -10,12 +10,14 @@ import pytest
 
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.identification import given_positions
+from modelgen.runtime.identification.elastic import rest as rest_of_steps
 from modelgen.runtime.identification.elastic import steps_about
-from modelgen.runtime.identification.given_positions import Rest
+from modelgen.runtime.identification.elastic.rest import Rest
 from modelgen.runtime.identification.thresholds import POINT_TOLERANCE
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 
 NAMES = ("K", "M", "D")
-MODEL: Any = SimpleNamespace(base_parameters=NAMES)
+MODEL: Any = SimpleNamespace(base_parameters=NAMES, kernel=None)
 CHOICE = SimpleNamespace(dynamics_hz=5.0, cutoff_hz=20.0)
 JOB: Any = SimpleNamespace(model=MODEL, choice=CHOICE, records=())
 GOAL = np.array([3.0, 1.0, 2.0])
@@ -124,7 +126,7 @@ def test_noise_moves_the_estimate_by_the_sum_of_its_steps(monkeypatch: pytest.Mo
     """The deviation of a fit, and what follows through the point, against the solved linear equation."""
     rest, _ = rested(monkeypatch, (0.86, 1e-3, -1e-3))
     noise = np.linalg.inv(TRIANGLE[:3, :3].T @ TRIANGLE[:3, :3])
-    monkeypatch.setattr(given_positions, "hac_covariance", lambda fit: noise)
+    monkeypatch.setattr(rest_of_steps, "hac_covariance", lambda fit: noise)
     solved = np.linalg.inv(np.eye(3) - map_of((0.86, 0.0, 0.0)))
     assert rest is not None
     wanted = solved @ noise @ solved.T
@@ -134,38 +136,76 @@ def test_noise_moves_the_estimate_by_the_sum_of_its_steps(monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize(
-    ("gained", "sets_right", "speeds", "wanted"),
+    ("left", "sets_right", "held", "beyond"),
     [
-        (10.0, True, ("motor_1",), GOAL),
-        (1.0, True, ("motor_1",), -GOAL),
-        (10.0, False, ("motor_1",), -GOAL),
-        (10.0, True, (), -GOAL),
+        ((0.0, -10.0), True, True, 0),
+        ((0.0, -1.0), True, False, 1),
+        ((0.0, 1.0), True, False, 1),
+        ((0.0, 10.0), True, False, 0),
+        ((0.0, -10.0), False, False, 0),
+        # links of negative inertia are no explanation
+        ((0.0, np.inf), True, False, 0),
+        ((np.inf, 5.0), True, True, 0),
+        ((np.inf, np.inf), True, False, 0),
     ],
 )
-def test_motors_that_no_sensor_sees_are_sought_behind_held_commands(
-    monkeypatch: pytest.MonkeyPatch,
-    gained: float,
-    sets_right: bool,
-    speeds: tuple[str, ...],
-    wanted: np.ndarray,
+def test_springs_are_sought_behind_held_commands(
+    monkeypatch: pytest.MonkeyPatch, left: tuple[float, float], sets_right: bool, held: bool, beyond: int
 ) -> None:
-    """Half a sample of a held command had springs of links' encoders refused, or 130 deviations off."""
+    """Half a sample of a held command had springs of links' encoders refused, or 130 deviations off.
+
+    Rows about the place behind holds, of records without, gave a rotor of negative inertia.
+    """
     model = SimpleNamespace(actuators=(SimpleNamespace(key="tau_1"), SimpleNamespace(key="t_1")))
-    held: Any = SimpleNamespace(misfit=-gained, goal=GOAL)
-    plain: Any = SimpleNamespace(misfit=0.0, goal=-GOAL, model=model, sets_channels_right=sets_right)
-    plain.changed = lambda change: held if change.keywords == {"channels": ["tau_1"]} else None
+    behind: Any = SimpleNamespace(misfit=left[1], goal=GOAL, model=model)
+    plain: Any = SimpleNamespace(misfit=left[0], goal=-GOAL, model=model, sets_channels_right=sets_right)
+    plain.changed = lambda change: behind if change.keywords == {"channels": ("tau_1",)} else None
     monkeypatch.setattr(given_positions, "_misfit", lambda task: task.misfit)
+    monkeypatch.setattr(given_positions, "_explained", lambda task, rest, kernel: False)
     monkeypatch.setattr(
-        given_positions, "_searched", lambda task, kernel: (task, Rest(task.goal, np.zeros(3), 0.0))
+        given_positions, "_searched", lambda task, *_, **options: (task, Rest(task.goal, np.zeros(3), 0.0))
     )
-    monkeypatch.setattr(given_positions, "_about_rest", lambda task, kernel, rest: (task, rest))
     kernel: Any = Kernel()
-    kernel.speeds = speeds
     found = given_positions._about(plain, kernel)
-    # the records stay: channels are set right from there
     assert found is not None
-    assert found[0] is plain
-    assert found[1].point is wanted or np.array_equal(found[1].point, wanted)
+    task, rest = found
+    assert task is (behind if held else plain)
+    assert rest.held == (("tau_1",) if held else ())
+    assert len(rest.beyond) == beyond
+    assert all(np.array_equal(one, 2.0 * GOAL) for one in rest.beyond)
+
+
+@pytest.mark.parametrize("explained", [False, True])
+def test_more_starts_are_tried_where_neither_hold_nor_none_explains(
+    monkeypatch: pytest.MonkeyPatch, explained: bool
+) -> None:
+    searched: list[tuple[str, bool]] = []
+
+    def search(task: Any, kernel: Any, scattered: bool = True) -> tuple[Any, Rest]:
+        searched.append((task, scattered))
+        return task, Rest(GOAL, np.zeros(3), 0.0)
+
+    monkeypatch.setattr(given_positions, "_searched", search)
+    monkeypatch.setattr(given_positions, "_explained", lambda task, *_: explained and task == "held")
+    given: Any = given_positions._with_and_without_holds
+    given("plain", "held", SimpleNamespace(giving=(1, 2)))
+    few = [("plain", False), ("held", False)]
+    assert searched == few + ([] if explained else [("plain", True), ("held", True)])
+
+
+def test_an_estimate_away_from_where_its_rows_are_linear_is_as_uncertain(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A fit 180 deviations away from its point had intervals of its noise alone."""
+    monkeypatch.setattr(rest_of_steps, "hac_covariance", lambda fit: np.eye(3))
+    kernel = object.__new__(DeflectedKernel)
+    object.__setattr__(kernel, "point", GOAL)
+    model: Any = SimpleNamespace(base_parameters=NAMES, kernel=kernel)
+    for away, wanted in ((2.0, 0.0), (180.0, 180.0**2)):
+        triangle = TRIANGLE.copy()
+        triangle[:3, 3] = TRIANGLE[:3, :3] @ (GOAL + np.array([away, 0.0, 0.0]))
+        fit: Any = SimpleNamespace(columns=NAMES, triangle=triangle)
+        assert Rest(GOAL, np.zeros(3), 0.0).drift(fit, model)[0, 0] == pytest.approx(wanted)
 
 
 def test_rows_beyond_all_numbers_are_no_place(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.identification.elastic.channel_errors import SetRight
+from modelgen.runtime.identification.elastic.channel_errors import SetRight, told_holds
 from modelgen.runtime.identification.elastic.channels_set_right import with_channels_set_right
+from modelgen.runtime.identification.elastic.rest import Drifting
 from modelgen.runtime.identification.elastic.row_forces import summed_friction
 from modelgen.runtime.identification.explanation.explained import Begun, with_note
-from modelgen.runtime.identification.given_positions import Drifting, about_from_near_by, near_by
+from modelgen.runtime.identification.given_positions import about_from_near_by, near_by
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
@@ -22,6 +23,11 @@ class RestWithChannels:
 
     rest: Drifting | None
     right: SetRight
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Commands that drives hold over every sample, which no one had said."""
+        return (*(self.rest.held if self.rest is not None else ()), *self.right.held)
 
     @property
     def late(self) -> tuple[tuple[str, float, float], ...]:
@@ -41,6 +47,10 @@ def with_aligned_channels(task: Task, rest: Drifting | None) -> tuple[Task, Drif
     """
     if not task.sets_channels_right:
         return task, rest
+    held = rest.held if rest is not None else ()
+    if held:
+        plain = task.doubts
+        task = replace(task, doubts=lambda: (*plain(), told_holds(held)))
     changed, found = with_channels_set_right(task, near_by)
     if found is None:
         return task, rest

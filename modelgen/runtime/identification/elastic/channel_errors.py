@@ -39,7 +39,8 @@ def forces_of_drives(model: Model) -> tuple[str, ...]:
     return tuple(one.key for one in model.actuators if one.key.startswith(DRIVE))
 
 
-def _told_holds(keys: Sequence[str]) -> Advice:
+def told_holds(keys: Sequence[str]) -> Advice:
+    """Return what is said of commands that are held."""
     commands = f"{keys[0]} is a command" if len(keys) == 1 else f"{', '.join(keys)} are commands"
     what = f"shows that {commands} which the drive holds over every sample; taken as that"
     options = " ".join(f"--held {key}" for key in keys)
@@ -100,7 +101,7 @@ class SetRight:
             (left if isinstance(effect, RowForce) else estimated)(effect, size, self._instead_of(effect))
             for effect, size in _one_a_cause(self.effects, self.sizes)
         )
-        return (_told_holds(self.held), *told) if self.held else told
+        return (told_holds(self.held), *told) if self.held else told
 
     def _instead_of(self, effect: Effect) -> list[tuple[Effect, float]]:
         every = dict(zip(self.effects, self.others, strict=False)).get(effect, ())

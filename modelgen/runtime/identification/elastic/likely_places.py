@@ -23,6 +23,7 @@ from modelgen.runtime.identification.elastic.starting_springs import (
 from modelgen.runtime.identification.elastic.steps_about import fit_about, left_by, moved
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
+    FEWEST_SCATTERED,
     HELD_STEPS,
     LEFT_BY_ARMS,
     OVER_NOISE,
@@ -32,30 +33,35 @@ from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 
 
-def likely_places(job: Job, kernel: DeflectedKernel) -> list[FloatArray]:
+def likely_places(job: Job, kernel: DeflectedKernel, scattered: bool = True) -> list[FloatArray]:
     """Return where steps from springs to start with lead, what leaves least first.
 
-    From more starts where that leaves more than noise: one spring alone has nothing to be in ratio to.
+    From more starts where that leaves more than noise, if they may be `scattered`: one spring alone has
+    nothing to be in ratio to.
     Points are base parameters, shape (columns,), in SI.
     """
     led = settled if kernel.motors_alone else _stepped_from
     places = led(job, kernel, starting_springs(job.model, kernel, job.records))
-    if len(kernel.giving) < 2 or (places and _explains(job, kernel, places[0])):
+    enough = not scattered or len(kernel.giving) < FEWEST_SCATTERED
+    if enough or (places and explains(job, kernel, places[0])):
         return places
-    scattered = scattered_springs(job.model, kernel, job.records)
-    others = led(job, kernel, likely_starts(job, kernel, scattered))
+    more = scattered_springs(job.model, kernel, job.records)
+    others = led(job, kernel, likely_starts(job, kernel, more))
     if not places or (others and _left(job, kernel, others[0]) < _left(job, kernel, places[0])):
         return [*others, *places]
     return places
 
 
-def _explains(job: Job, kernel: DeflectedKernel, point: FloatArray) -> bool:
-    """Return whether rows about a point leave about noise, or hardly anything."""
+def explains(job: Job, kernel: DeflectedKernel, point: FloatArray) -> bool:
+    """Return whether rows about a point leave about noise, or hardly anything.
+
+    Where directions are of motors that no sensor sees, of rows that leave forces open.
+    """
+    model = replace(job.model, kernel=kernel.at(point, sampled=bool(kernel.speeds)))
     try:
-        fit = fit_about(job, kernel, point)
+        fit = fit_about(job, kernel, point, sampled=bool(kernel.speeds))
     except IdentifiabilityError:
         return False
-    model = replace(job.model, kernel=kernel.at(point))
     return not exceeding_noise(model, job.records, job.choice, fit, OVER_NOISE, LEFT_BY_ARMS)
 
 

@@ -13,15 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import IdentifiabilityError
-from modelgen.runtime.identification.elastic.starting_springs import springs_pull
 from modelgen.runtime.identification.elastic.steps_about import (
     columns_of,
-    fit_about,
     held_values,
     left_by,
     moved_least,
-    springs_hold,
+    tried,
 )
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
@@ -72,6 +69,15 @@ def settled(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray]) -> 
     return [place.point for place in sorted(best, key=lambda one: one.left)]
 
 
+def begun_with_forces_open(
+    job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray]
+) -> list[FloatArray]:
+    """Return starts, (columns,) in SI, with the links and drives of rows that leave forces open."""
+    held = {column for row in kernel.giving for order in (0, 1) for column in row.acting(order)}
+    begun = (_begun(job, kernel, start, held, sampled=True) for start in starts)
+    return [point for point in begun if point is not None]
+
+
 def likely_starts(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray]) -> list[FloatArray]:
     """Return those of many starts with which links and drives leave least, as that is found in few steps.
 
@@ -81,7 +87,7 @@ def likely_starts(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray
     found: list[Settled] = []
     for start in starts:
         begun = _begun(job, kernel, start, held)
-        fit = None if begun is None else _tried(job, kernel, begun)
+        fit = None if begun is None else tried(job, kernel, begun)
         if begun is not None and fit is not None:
             found.append(Settled(begun, _left_at(job, fit, begun)))
     return [one.point for one in sorted(found, key=lambda one: one.left)[:LIKELY_STARTS]]
@@ -98,7 +104,7 @@ def settled_with(
 
     `point` are base parameters, shape (columns,), in SI.
     """
-    fit = _tried(job, kernel, point)
+    fit = tried(job, kernel, point)
     if fit is None:
         return None
     damping, begun = 0.0, bool(np.any(point[columns_of(fit, job.model)]))
@@ -107,10 +113,10 @@ def settled_with(
         if fit.count * (left - left_by(fit, held_values(fit, job.model, point, held))) < SETTLED:
             break
         ahead = moved_least(job.model, kernel, fit, point, held, damping)
-        tried = _tried(job, kernel, ahead)
-        there = np.inf if tried is None else _left_at(job, tried, ahead)
-        if tried is not None and there < left:
-            point, fit, left, damping = ahead, tried, there, 0.1 * damping
+        found = tried(job, kernel, ahead)
+        there = np.inf if found is None else _left_at(job, found, ahead)
+        if found is not None and there < left:
+            point, fit, left, damping = ahead, found, there, 0.1 * damping
         elif damping > MOST_DAMPING:
             break
         else:
@@ -118,7 +124,9 @@ def settled_with(
     return Settled(point, left)
 
 
-def _begun(job: Job, kernel: DeflectedKernel, point: FloatArray, held: Collection[int]) -> FloatArray | None:
+def _begun(
+    job: Job, kernel: DeflectedKernel, point: FloatArray, held: Collection[int], sampled: bool = False
+) -> FloatArray | None:
     """Return links and drives to begin with beside such springs; None where nothing holds.
 
     Only deflections tell a motor's inertia from its link's. Those of springs far off made one of them several
@@ -126,21 +134,11 @@ def _begun(job: Job, kernel: DeflectedKernel, point: FloatArray, held: Collectio
     hardly show stays even at first. Points are base parameters, shape (columns,), in SI.
     """
     for _ in range(FIRST_STEPS):
-        fit = _tried(job, kernel, point)
+        fit = tried(job, kernel, point, sampled)
         if fit is None:
             return None
         point = moved_least(job.model, kernel, fit, point, held, unseen=HARDLY_SEEN)
     return point
-
-
-def _tried(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Fit | None:
-    """Return the fit of rows about a point; None where it is none of an arm."""
-    if not springs_pull(kernel, point) or not springs_hold(job, kernel, point):
-        return None
-    try:
-        return fit_about(job, kernel, point)
-    except IdentifiabilityError:
-        return None
 
 
 def _left_at(job: Job, fit: Fit, point: FloatArray) -> float:

@@ -41,7 +41,7 @@ def rest_with_forces_open(
     nowhere. Nor is that a place where they tell no spring. With `anyway` it is where the first of these ways
     leaves least, wherever it ends. Points are base parameters, shape (columns,), in SI.
     """
-    begun = [(one, at) for at in points if (one := _opened(job, kernel, at)) is not None]
+    begun = [(one, at) for at in points if (one := tried(job, kernel, at, True)) is not None]
     for fit, point in sorted(begun, key=lambda one: left_by(one[0])):
         best, found, rests = _downhill(job, kernel, fit, point)
         if anyway or (rests and _tells_springs(job, kernel.at(found, sampled=True), best)):
@@ -75,11 +75,11 @@ def _downhill(job: Job, kernel: DeflectedKernel, fit: Fit, point: FloatArray) ->
         size = size_of(best, change, job.model)
         if size < max(WITHIN_NOISE * noise, rounding):
             return best, point, True
-        tried = _opened(job, kernel, point + share * change)
-        if tried is not None and best.count * (left_by(tried) - left_by(best)) < AS_LIKELY:
+        ahead = tried(job, kernel, point + share * change, sampled=True)
+        if ahead is not None and best.count * (left_by(ahead) - left_by(best)) < AS_LIKELY:
             point = point + share * change
             share = min(1.0, 2.0 * share) if size < last else 0.5 * share
-            best, last = tried, size
+            best, last = ahead, size
         else:
             share *= 0.5
         if share < SHORTEST_STEP:
@@ -87,12 +87,12 @@ def _downhill(job: Job, kernel: DeflectedKernel, fit: Fit, point: FloatArray) ->
     return best, point, False
 
 
-def _opened(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Fit | None:
-    """Return the fit of rows about a point that leave forces open; None where there is none, or no spring."""
+def tried(job: Job, kernel: DeflectedKernel, point: FloatArray, sampled: bool = False) -> Fit | None:
+    """Return the fit of rows about a point; None where it is none of an arm. `sampled` as in `fit_about`."""
     if not springs_pull(kernel, point) or not springs_hold(job, kernel, point):
         return None
     with suppress(IdentifiabilityError):
-        return fit_about(job, kernel, point, sampled=True)
+        return fit_about(job, kernel, point, sampled)
     return None
 
 
@@ -121,7 +121,10 @@ def left_by(fit: Fit, values: FloatArray | None = None) -> float:
 
 
 def fit_about(job: Job, kernel: DeflectedKernel, point: FloatArray, sampled: bool = False) -> Fit:
-    """Return least squares of rows about a point, (columns,) in SI; `sampled`: directions at samples."""
+    """Return least squares of rows about a point, (columns,) in SI.
+
+    `sampled`: directions at samples, and forces left open where these are uncertain.
+    """
     about = replace(job.model, kernel=kernel.at(point, sampled))
     # far from an estimate rows may overflow: such points do not hold
     with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):

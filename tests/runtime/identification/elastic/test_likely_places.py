@@ -53,7 +53,7 @@ def test_a_spring_in_the_band_is_found_from_scattered_starts(
 
     monkeypatch.setattr(places, "settled", led)
     monkeypatch.setattr(places, "likely_starts", lambda job, kernel, starts: list(starts))
-    monkeypatch.setattr(places, "_explains", lambda job, kernel, point: explained)
+    monkeypatch.setattr(places, "explains", lambda job, kernel, point: explained)
     monkeypatch.setattr(places, "_left", lambda job, kernel, point: 0.0 if point is GOAL else 4.0)
     found = places.likely_places(JOB, KERNEL)
     if explained:  # what explains the rows needs no further starts
@@ -66,7 +66,7 @@ def test_a_spring_in_the_band_is_found_from_scattered_starts(
 
 def test_one_spring_has_no_other_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(places, "settled", lambda job, kernel, starts: [RIGID])
-    monkeypatch.setattr(places, "_explains", lambda job, kernel, point: False)
+    monkeypatch.setattr(places, "explains", lambda job, kernel, point: False)
     one = SimpleNamespace(**{**vars(KERNEL), "giving": (row(0),)})
     (found,) = places.likely_places(JOB, one)
     assert found is RIGID

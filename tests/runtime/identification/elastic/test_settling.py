@@ -82,7 +82,7 @@ def fits(noise: float) -> Any:
 
 def made(monkeypatch: pytest.MonkeyPatch, noise: float) -> Any:
     fit = fits(noise)
-    for module in (settling, others):
+    for module in (steps_about, others):
         monkeypatch.setattr(module, "fit_about", fit)
     monkeypatch.setattr(others, "hac_covariance", lambda one: one.covariance)
     return fit
@@ -170,10 +170,10 @@ def test_what_rows_hardly_show_begins_even(monkeypatch: pytest.MonkeyPatch) -> N
     Y = W @ np.array([7.0, -3.0])
     triangle = np.vstack([np.column_stack([W, Y]), [0.0, 0.0, 1.0]])
     fit: Any = SimpleNamespace(columns=model.base_parameters, triangle=triangle)
-    monkeypatch.setattr(settling, "_tried", lambda *_: fit)
+    monkeypatch.setattr(settling, "tried", lambda *_: fit)
     kernel: Any = SimpleNamespace(columns=(0, 1), giving=())
     begun = settling._begun(job, kernel, np.zeros(2), ())
     assert begun is not None
     np.testing.assert_allclose(begun, [2.0, 2.0])
-    monkeypatch.setattr(settling, "_tried", lambda *_: None)
+    monkeypatch.setattr(settling, "tried", lambda *_: None)
     assert settling._begun(job, kernel, np.zeros(2), ()) is None
