@@ -8,6 +8,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.identification.elastic.channel_errors import SetRight, told_holds
 from modelgen.runtime.identification.elastic.channels_set_right import with_channels_set_right
+from modelgen.runtime.identification.elastic.damper_images import without_damper_images
 from modelgen.runtime.identification.elastic.rest import Drifting
 from modelgen.runtime.identification.elastic.row_forces import summed_friction
 from modelgen.runtime.identification.explanation.explained import Begun, with_note
@@ -53,14 +54,15 @@ def with_aligned_channels(task: Task, rest: Drifting | None) -> tuple[Task, Drif
         task = replace(task, doubts=lambda: (*plain(), told_holds(held)))
     changed, found = with_channels_set_right(task, near_by)
     if found is None:
-        return task, rest
+        return without_damper_images(task, held), rest
     if found.changes_records:
         try:
             task, rest = about_from_near_by(changed)
         except (DataError, IdentifiabilityError):
             return task, rest
     task = replace(task, doubts=lambda: (*changed.doubts(), *found.advice))
-    return task, RestWithChannels(rest, found)
+    both = RestWithChannels(rest, found)
+    return without_damper_images(task, both.held), both
 
 
 def with_notes_of_springs(begun: Begun) -> Begun:
