@@ -53,7 +53,7 @@ def likely_places(job: Job, kernel: DeflectedKernel, scattered: bool = True) -> 
 
 
 def explains(job: Job, kernel: DeflectedKernel, point: FloatArray) -> bool:
-    """Return whether rows about a point leave about noise, or hardly anything.
+    """Return whether rows about a point, (columns,) in SI, leave about noise, or hardly anything.
 
     Where directions are of motors that no sensor sees, of rows that leave forces open.
     """

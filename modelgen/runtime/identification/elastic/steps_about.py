@@ -88,7 +88,10 @@ def _downhill(job: Job, kernel: DeflectedKernel, fit: Fit, point: FloatArray) ->
 
 
 def tried(job: Job, kernel: DeflectedKernel, point: FloatArray, sampled: bool = False) -> Fit | None:
-    """Return the fit of rows about a point; None where it is none of an arm. `sampled` as in `fit_about`."""
+    """Return the fit of rows about a point, (columns,) in SI; None where it is none of an arm.
+
+    `sampled` as in `fit_about`.
+    """
     if not springs_pull(kernel, point) or not springs_hold(job, kernel, point):
         return None
     with suppress(IdentifiabilityError):
