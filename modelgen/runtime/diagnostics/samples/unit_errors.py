@@ -70,7 +70,7 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
             what = f"moves {_times(abs(ratio))} what {one.key} says at low frequencies: {other_unit}"
             meant = known or "mm for m?"
             yield Advice("unit", where, what, f"check the units of both ({meant}), and scale to SI")
-        elif not falls and (off := _off_ratio(ratios, found.noise)) and moves_as_one(model):
+        elif not falls and (off := _off_ratio(ratios, found)) and moves_as_one(model):
             what = f"moves {off:.4g} times as far at low frequencies as {one.key} and the spec's ratios say"
             yield Advice("unit", where, what, OF_RATIOS)
         elif not falls and moves_as_one(model) and (off := _off_way(record, (one, other), levers, moves)):
@@ -83,16 +83,20 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
             yield Advice("swapped", where, what, "check the signs of both (--map)")
 
 
-def _off_ratio(ratios: FloatArray, noise: FloatArray) -> float | None:
-    """Return the ratio in the lowest band where neither a resonance above nor noise explains it.
+def _off_ratio(ratios: FloatArray, found: Ratios) -> float | None:
+    """Return the ratio that slow motion tends to, where neither a resonance above nor noise explains that.
 
-    `ratios` and `noise` as `Ratios` has them, shape (bands,).
+    `ratios` are those that are `found` with levers in account, shape (bands,).
     """
     logs = np.log(np.abs(ratios))
     bent, above = np.abs(np.diff(logs))[:2].tolist()
     # a resonance bends it more the higher the bands are; noise bends the lowest of an acceleration
     explained = bent if bent <= above + OFF else np.inf
-    return float(np.exp(logs[0])) if abs(logs[0]) > OFF + explained + noise[0] else None
+    # far below it as the square of the frequency does
+    first, second = found.squares[:2].tolist()
+    still = float(logs[0] - (logs[1] - logs[0]) * first / (second - first))
+    certain = min(abs(logs[0]), abs(still)) > OFF + explained + found.noise[0]
+    return float(np.exp(still)) if certain else None
 
 
 def _off_way(
@@ -203,12 +207,14 @@ def _times(ratio: float) -> str:
 class Ratios:
     """How many times as much as one sensor says another moves, in the lowest bands where they are coherent.
 
-    `values`, of SI units, below zero where they move against each other, and `noise`: by how much that may be
-    off in its logarithm because of noise; both of shape (bands,).
+    `values`, of SI units, below zero where they move against each other; `noise`: by how much that may be off
+    in its logarithm because of noise; `squares`: of the frequencies of the motion, lines of the spectrum
+    squared. All of shape (bands,).
     """
 
     values: FloatArray
     noise: FloatArray
+    squares: FloatArray
 
 
 def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> Ratios | None:
@@ -227,7 +233,7 @@ def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> Ratios |
         first = _derived(record, one.key, most, derivatives)
     elif derivatives < 0:
         second = _derived(record, other.key, most, -derivatives)
-    ratios, along, noise = list[float](), list[float](), list[float]()
+    ratios, along, noise, squares = list[float](), list[float](), list[float](), list[float]()
     low = FIRST_BIN
     while low < len(first) and len(ratios) < BANDS:
         band = slice(low, max(low + SMALLEST_BAND, int(THIRD_OCTAVE * low)))
@@ -239,13 +245,14 @@ def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> Ratios |
         if power > 0.0 and cross > COHERENCE * largest > 0.0:
             ratios.append(cross / power)
             along.append(product.real / cross)
+            squares.append(float(np.abs(x) ** 2 @ np.arange(band.start, band.start + len(x)) ** 2.0) / power)
             # noise of the first sensor alone lowers the ratio by the square of the coherence
             squared = min(cross / largest, 1.0) ** 2
             noise.append(-np.log(squared) + DEVIATIONS * np.sqrt((1.0 - squared) / (2.0 * squared * len(x))))
         low = band.stop
     if len(ratios) < BANDS or max(ratios) > FLAT * min(ratios) or min(along) < 0.0 < max(along):
         return None
-    return Ratios(np.copysign(ratios, np.median(along)), np.asarray(noise))
+    return Ratios(np.copysign(ratios, np.median(along)), np.asarray(noise), np.asarray(squares))
 
 
 def _derived(record: Record, key: str, part: int, order: int) -> ComplexArray:
