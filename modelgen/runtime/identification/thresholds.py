@@ -48,8 +48,6 @@ LEAST_BEFORE = 0.2
 HARDLY_SHOWS, HARDLY_MOVES, MOST_EXPONENT = 1e-3, 0.1, 50.0
 # A command takes steps at its samples where this share of them is one.
 STEPS_TAKEN = 2e-3
-# Delays move steps by up to so many samples.
-LAGS_OF_STEPS = 100
 # A sensor feels a force at once that moves it by this share of what it reads, at least: less is rounding.
 FELT_AT_ONCE = 1e-6
 # Channels may be late by these parts of a sample where a hold leaves as little.

@@ -218,10 +218,6 @@ class RecordFacts:
 
         return self.channels[channel].once("steps", make)
 
-    def read_steps(self, channel: str) -> tuple[IntArray, FloatArray]:
-        """Return the same, shape (steps,), of the channel as it was read: edits leave no steps."""
-        return (self._read or self).steps(channel)
-
     def _steps(self, channel: str) -> Iterator[tuple[IntArray, FloatArray]]:
         n = self._source.n
         for start in range(0, n, WHOLE):
