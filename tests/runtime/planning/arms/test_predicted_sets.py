@@ -48,7 +48,7 @@ def test_deviations_are_those_of_a_record() -> None:
     levels = {**dict.fromkeys(("q_1", "q_2", "qm_1", "qm_2"), 1e-5), "tau_1": 0.2, "tau_2": 0.1}
     true, names = simulate_arm(model, values, reference, controller=LOOP).true, ("K_1", "K_2", "Ia_1")
     found_in = []
-    for rng in map(np.random.default_rng, range(24)):
+    for rng in map(np.random.default_rng, range(12)):
         read = {key: true[key] + size * rng.standard_normal(4001) for key, size in levels.items()}
         own = identify(planned["encoders"].model, Record(read, 1000.0, "fast")).params
         found_in.append([own[name] for name in names])
