@@ -7,8 +7,6 @@ need not know, where it estimates the physical parameters themselves.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
@@ -33,17 +31,8 @@ def default_estimate(planned: Experiment, seed: int) -> Estimate:
         raise IdentifiabilityError(*error.problems) from error
 
 
-def stated_in_copies(
-    copy: Callable[[int], Estimate], told: Callable[[Estimate], Mapping[str, float]]
-) -> tuple[list[Estimate], dict[str, float]]:
-    """Return estimates from noisy copies, and the root mean squares of the deviations that most of them give.
-
-    Parameters
-    ----------
-    copy : callable
-        Takes a seed to the estimate from the copy with its noise.
-    told : callable
-        Takes an estimate to the deviations of its parameters, by name.
+def default_precision(planned: Experiment) -> Predicted:
+    """Return what the experiment promises: root mean squares of stated deviations, of those most copies give.
 
     Raises
     ------
@@ -53,38 +42,19 @@ def stated_in_copies(
     estimates: list[Estimate] = []
     for seed in range(COPIES):
         try:
-            estimates.append(copy(seed))
+            estimates.append(default_estimate(planned, seed))
         except IdentifiabilityError:
             if 2 * (seed + 1 - len(estimates)) > COPIES:
                 raise
-    stated = [told(one) for one in estimates]
-    names = dict.fromkeys(name for one in stated for name in one)
-    found = {name: [one[name] for one in stated if name in one] for name in names}
-    return estimates, {
-        name: float(np.sqrt(np.mean(np.square(stds))))
-        for name, stds in found.items()
-        if 2 * len(stds) > COPIES
-    }
-
-
-def default_precision(planned: Experiment) -> Predicted:
-    """Return what the experiment promises.
-
-    Raises
-    ------
-    IdentifiabilityError
-        When most copies give no parameter.
-    """
-    estimates, stated = stated_in_copies(
-        lambda seed: default_estimate(planned, seed),
-        lambda one: {entry.name: entry.std for entry in one.parameters.physical},
-    )
     true = {**planned.model.known, **planned.parameters}
     precisions, refused = [], {}
     for name in planned.model.parameters:
-        if name in stated:
+        found = [entry.std for one in estimates for entry in one.parameters.physical if entry.name == name]
+        if 2 * len(found) > COPIES:
             percent = 100.0 / (abs(true[name]) or np.nan)
-            precisions.append(Precision(name, true[name], stated[name] * percent, 0.0))
+            precisions.append(
+                Precision(name, true[name], float(np.sqrt(np.mean(np.square(found)))) * percent, 0.0)
+            )
         else:
             reasons = (one.not_identifiable[name] for one in estimates if name in one.not_identifiable)
             refused[name] = next(reasons, "is refused")

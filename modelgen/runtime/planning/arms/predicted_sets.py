@@ -1,8 +1,7 @@
 """What sensor sets of an arm would find in planned motions: simulated in closed loop, with noise, identified.
 
 Friction sticks and slips, motors follow their reference as well as the loop lets them, links swing: what the
-sensors would read is identified as records are, by default, so that what a set cannot give is refused as it
-will be.
+sensors would read is identified as records are, so that what a set cannot give is refused as it will be.
 """
 
 from __future__ import annotations
@@ -16,8 +15,8 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, ModelgenError
 from modelgen.progress import counted
 from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.planning.default_precision import stated_in_copies
 from modelgen.runtime.records.record import Record, missing_name
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.arms.arm_coordinates import joint_units
@@ -25,7 +24,7 @@ from modelgen.runtime.simulation.arms.arm_plant import ArmPlant, arm_plant, chec
 from modelgen.runtime.simulation.arms.joint_controller import JointController
 from modelgen.runtime.simulation.arms.joint_reference import JointReference
 from modelgen.runtime.simulation.arms.mounted_sensors import MountedSensor, sensor_channels
-from modelgen.runtime.simulation.arms.simulate_arm import ArmSimulation, simulate_arm
+from modelgen.runtime.simulation.arms.simulate_arm import simulate_arm
 
 #: Standard deviations of readings where none are given, by unit: encoders of 20 bits, torques of a drive as
 #: its joint feels them, in front of a gear so much smaller.
@@ -39,16 +38,6 @@ USUAL_NOISE = {
     "N m": 0.1,
     "N": 1.0,
 }
-
-
-@dataclass(frozen=True, eq=False)
-class FoundBySet:
-    """What a set finds in noisy copies of the planned motions: the estimates, and by base parameter the root
-    mean square of the deviations (SI) that they state, of those that most give.
-    """
-
-    estimates: tuple[Estimate, ...]
-    deviations: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +55,7 @@ def predicted_sets(
     references: Sequence[JointReference],
     noise: Mapping[str, float] | None = None,
     controller: JointController | None = None,
-) -> dict[str, FoundBySet | ModelgenError]:
+) -> dict[str, Estimate | ModelgenError]:
     """Return what each sensor set would find along references, or why it would find nothing.
 
     Parameters
@@ -99,41 +88,20 @@ def predicted_sets(
         simulate_arm(model, values, reference, controller=controller)
         for reference in counted(references, "simulating")
     ]
-    found: dict[str, FoundBySet | ModelgenError] = {}
+    found: dict[str, Estimate | ModelgenError] = {}
     for name, one in counted(list(sets.items()), "predicting"):
-        clean = [
-            sensor_channels(plant, one.sensors, simulation.motion)
-            | {key: simulation.true[key] for key in plant.forces}
-            for simulation in moved
-        ]
+        records = []
+        for number, simulation in enumerate(moved):
+            true = sensor_channels(plant, one.sensors, simulation.motion)
+            true |= {key: simulation.true[key] for key in plant.forces}
+            title = f"{simulation.reference.name}_{number + 1}"
+            noisy = _noisy(true, levels[name], number)
+            records.append(Record(noisy, simulation.record.fs, title))
         try:
-            found[name] = _found(one.model, moved, clean, levels[name])
+            found[name] = identify(one.model, records, "wls", Filters(), CheckOptions())
         except ModelgenError as error:
             found[name] = error
     return found
-
-
-def _found(
-    model: Model,
-    moved: Sequence[ArmSimulation],
-    clean: Sequence[Mapping[str, FloatArray]],
-    levels: Mapping[str, float],
-) -> FoundBySet:
-    """Return what is found in noisy copies of the channels of simulated motions."""
-
-    def copy(seed: int) -> Estimate:
-        records = [
-            Record(
-                _noisy(true, levels, seed * len(moved) + number),
-                simulation.record.fs,
-                f"{simulation.reference.name}_{number + 1}",
-            )
-            for number, (simulation, true) in enumerate(zip(moved, clean, strict=True))
-        ]
-        return identify(model, records)
-
-    estimates, deviations = stated_in_copies(copy, lambda one: one.bse)
-    return FoundBySet(tuple(estimates), deviations)
 
 
 def _noisy(true: Mapping[str, FloatArray], levels: Mapping[str, float], seed: int) -> dict[str, FloatArray]:
