@@ -10,6 +10,7 @@ A torque sensor behind the motor feels it through the damper. Little as that is,
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -33,7 +34,9 @@ def without_damper_images(task: Task, held: Collection[str]) -> Task:
     if not felt:
         return task
     model = task.model
-    point = run_wls(task.job)[1].all_parameters(model.base_parameters)
+    # delays are not estimated by default: channels are set right before
+    on_time = replace(task.job, late=())
+    point = run_wls(on_time)[1].all_parameters(model.base_parameters)
     values = dict(zip(model.base_parameters, point.tolist(), strict=True))
     seconds = {
         torque: (drive, lever * values[damping] / values[inertia])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,6 +23,13 @@ ROLES = {
 }
 
 
+@dataclass(frozen=True)
+class Rows:
+    """A job of which delays of the force are asked for."""
+
+    late: tuple[str, ...] = ("tau_1",)
+
+
 class Task:
     """What the torques of one joint are cleaned in."""
 
@@ -33,7 +41,7 @@ class Task:
             base_parameters=NAMES,
             module=SimpleNamespace(SENSORS=(sensor,)),
         )
-        self.job, self.records = None, records
+        self.job, self.records = Rows(), records
 
     def changed(self, change: Any) -> Task:
         return Task(change(self.records))
@@ -57,7 +65,12 @@ def turned() -> tuple[Record, np.ndarray, np.ndarray]:
 def test_a_torque_is_that_of_the_speed_that_positions_say(monkeypatch: pytest.MonkeyPatch) -> None:
     record, position, speed = turned()
     fit = SimpleNamespace(all_parameters=lambda names: VALUES)
-    monkeypatch.setattr(damper_images, "run_wls", lambda job: (None, fit))
+
+    def least_squares(job: Rows) -> tuple[None, SimpleNamespace]:
+        assert not job.late, "motion from point to point may not tell delays, and nothing came out then"
+        return None, fit
+
+    monkeypatch.setattr(damper_images, "run_wls", least_squares)
     spectrum = 2j * np.pi * np.fft.rfftfreq(COUNT, 1.0 / FS) * np.fft.rfft(position)
     read = np.fft.irfft(spectrum, COUNT)
     said = STIFFNESS * position + DAMPING * read
