@@ -19,11 +19,11 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.identification.contradiction import below_zero
 from modelgen.runtime.identification.cutoffs.cutoff_steps import higher_cutoffs
-from modelgen.runtime.identification.elastic.likely_places import explains, likely_places
+from modelgen.runtime.identification.elastic.likely_places import Search, explains
 from modelgen.runtime.identification.elastic.other_springs import other_springs
 from modelgen.runtime.identification.elastic.rest import Drifting, Rest
-from modelgen.runtime.identification.elastic.settling import begun_with_forces_open, settled_with
-from modelgen.runtime.identification.elastic.starting_springs import springs_pull, starting_springs
+from modelgen.runtime.identification.elastic.settling import settled_with
+from modelgen.runtime.identification.elastic.starting_springs import springs_pull
 from modelgen.runtime.identification.elastic.steps_about import (
     fit_about,
     left_by,
@@ -133,7 +133,7 @@ def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
     moves by is in its deviations.
     """
     if not task.sets_channels_right:
-        return _searched(task, kernel)
+        return _searched(task, Search(_on_time(task), kernel))
     # others need not load it
     from modelgen.runtime.identification.elastic.channel_errors import forces_of_drives
 
@@ -155,14 +155,15 @@ def _with_and_without_holds(
 
     The more starts take long, and are of use where neither is explained without.
     """
-    plain = _searched(task, kernel, scattered=False)
+    of_task, of_held = (Search(_on_time(one), kernel) for one in (task, held))
+    plain = _searched(task, of_task, scattered=False)
     if plain is not None and _explained(*plain, kernel):
-        near = _at_rest(held, _on_time(held), kernel, (plain[1].point,), others=False)
-        return plain, near or _searched(held, kernel, scattered=False)
-    other = _searched(held, kernel, scattered=False)
+        near = _at_rest(held, of_held.job, kernel, (plain[1].point,), others=False)
+        return plain, near or _searched(held, of_held, scattered=False)
+    other = _searched(held, of_held, scattered=False)
     if len(kernel.giving) < FEWEST_SCATTERED or (other is not None and _explained(*other, kernel)):
         return plain, other
-    return _searched(task, kernel), _searched(held, kernel)
+    return _searched(task, of_task), _searched(held, of_held)
 
 
 def _explained(task: Task, rest: Rest, kernel: DeflectedKernel) -> bool:
@@ -181,19 +182,18 @@ def _misfit(task: Task) -> float:
     return fit.count * left_by(fit)
 
 
-def _searched(task: Task, kernel: DeflectedKernel, scattered: bool = True) -> tuple[Task, Rest] | None:
+def _searched(task: Task, search: Search, scattered: bool = True) -> tuple[Task, Rest] | None:
     """Return the task about where steps from many starts rest, and that; None where they rest nowhere.
 
     Directions of motors that no sensor sees are off where springs are: rows with all forces then lead to
     links of negative inertia, and rows that leave forces open to the place.
     """
-    job = _on_time(task)
+    job, kernel = search.job, search.kernel
     if kernel.speeds:
-        begun = begun_with_forces_open(job, kernel, starting_springs(job.model, kernel, job.records))
-        point = rest_with_forces_open(job, kernel, begun)
+        point = search.with_forces_open
         if point is not None and (not scattered or explains(job, kernel, point)):
             return _about_rest(task, kernel, Rest(point, np.zeros(len(point)), 0.0))
-    return _at_rest(task, job, kernel, likely_places(job, kernel, scattered))
+    return _at_rest(task, job, kernel, search.places(scattered))
 
 
 def _on_time(task: Task) -> Job:

@@ -160,6 +160,7 @@ def test_springs_are_sought_behind_held_commands(
     behind: Any = SimpleNamespace(misfit=left[1], goal=GOAL, model=model)
     plain: Any = SimpleNamespace(misfit=left[0], goal=-GOAL, model=model, sets_channels_right=sets_right)
     plain.changed = lambda change: behind if change.keywords == {"channels": ("tau_1",)} else None
+    monkeypatch.setattr(given_positions, "_on_time", lambda task: None)
     monkeypatch.setattr(given_positions, "_misfit", lambda task: task.misfit)
     monkeypatch.setattr(given_positions, "_explained", lambda task, rest, kernel: False)
     monkeypatch.setattr(
@@ -180,11 +181,14 @@ def test_more_starts_are_tried_where_neither_hold_nor_none_explains(
     monkeypatch: pytest.MonkeyPatch, explained: bool
 ) -> None:
     searched: list[tuple[str, bool]] = []
+    known: dict[str, Any] = {}
 
-    def search(task: Any, kernel: Any, scattered: bool = True) -> tuple[Any, Rest]:
+    def search(task: Any, within: Any, scattered: bool = True) -> tuple[Any, Rest]:
         searched.append((task, scattered))
+        assert known.setdefault(task, within) is within, "what led nowhere is not looked for again"
         return task, Rest(GOAL, np.zeros(3), 0.0)
 
+    monkeypatch.setattr(given_positions, "_on_time", lambda task: task)
     monkeypatch.setattr(given_positions, "_searched", search)
     monkeypatch.setattr(given_positions, "_explained", lambda task, *_: explained and task == "held")
     given: Any = given_positions._with_and_without_holds

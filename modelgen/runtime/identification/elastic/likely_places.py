@@ -6,21 +6,31 @@ motion: it deflects by more than its motor moves, and from starts of one share r
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
-from modelgen.runtime.identification.elastic.settling import likely_starts, settled
+from modelgen.runtime.identification.elastic.settling import (
+    begun_with_forces_open,
+    likely_starts,
+    settled,
+)
 from modelgen.runtime.identification.elastic.starting_springs import (
     scattered_springs,
     springs_pull,
     starting_springs,
 )
-from modelgen.runtime.identification.elastic.steps_about import fit_about, left_by, moved
+from modelgen.runtime.identification.elastic.steps_about import (
+    fit_about,
+    left_by,
+    moved,
+    rest_with_forces_open,
+)
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
     FEWEST_SCATTERED,
@@ -33,23 +43,47 @@ from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 
 
-def likely_places(job: Job, kernel: DeflectedKernel, scattered: bool = True) -> list[FloatArray]:
-    """Return where steps from springs to start with lead, what leaves least first.
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Where steps lead from springs to start with, in rows of a job: looked for once, however often asked.
 
-    From more starts where that leaves more than noise, if they may be `scattered`: one spring alone has
-    nothing to be in ratio to.
     Points are base parameters, shape (columns,), in SI.
     """
-    led = settled if kernel.motors_alone else _stepped_from
-    places = led(job, kernel, starting_springs(job.model, kernel, job.records))
-    enough = not scattered or len(kernel.giving) < FEWEST_SCATTERED
-    if enough or (places and explains(job, kernel, places[0])):
+
+    job: Job
+    kernel: DeflectedKernel
+
+    def places(self, scattered: bool = True) -> list[FloatArray]:
+        """Return where steps from springs to start with lead, what leaves least first.
+
+        From more starts where that leaves more than noise, if they may be `scattered`: one spring alone has
+        nothing to be in ratio to.
+        """
+        job, kernel, places = self.job, self.kernel, self._led
+        enough = not scattered or len(kernel.giving) < FEWEST_SCATTERED
+        if enough or (places and explains(job, kernel, places[0])):
+            return places
+        more = scattered_springs(job.model, kernel, job.records)
+        others = self._steps(job, kernel, likely_starts(job, kernel, more))
+        if not places or (others and _left(job, kernel, others[0]) < _left(job, kernel, places[0])):
+            return [*others, *places]
         return places
-    more = scattered_springs(job.model, kernel, job.records)
-    others = led(job, kernel, likely_starts(job, kernel, more))
-    if not places or (others and _left(job, kernel, others[0]) < _left(job, kernel, places[0])):
-        return [*others, *places]
-    return places
+
+    @cached_property
+    def with_forces_open(self) -> FloatArray | None:
+        """Where rows that leave forces open come to rest, None where nowhere."""
+        starts = starting_springs(self.job.model, self.kernel, self.job.records)
+        begun = begun_with_forces_open(self.job, self.kernel, starts)
+        return rest_with_forces_open(self.job, self.kernel, begun)
+
+    @cached_property
+    def _led(self) -> list[FloatArray]:
+        job, kernel = self.job, self.kernel
+        return self._steps(job, kernel, starting_springs(job.model, kernel, job.records))
+
+    @property
+    def _steps(self) -> Callable[[Job, DeflectedKernel, Iterable[FloatArray]], list[FloatArray]]:
+        return settled if self.kernel.motors_alone else _stepped_from
 
 
 def explains(job: Job, kernel: DeflectedKernel, point: FloatArray) -> bool:

@@ -10,7 +10,7 @@ import pytest
 
 from modelgen.runtime.identification.elastic import likely_places as places
 from modelgen.runtime.identification.elastic.starting_springs import scattered_springs
-from modelgen.runtime.identification.thresholds import SCATTERED
+from modelgen.runtime.identification.thresholds import SCATTERED, SCATTERED_STARTS
 from modelgen.runtime.records.record import Record
 
 FORCE_AND_MOTION = (((1.0, "tau"),), ((1.0, "q"),))
@@ -55,11 +55,15 @@ def test_a_spring_in_the_band_is_found_from_scattered_starts(
     monkeypatch.setattr(places, "likely_starts", lambda job, kernel, starts: list(starts))
     monkeypatch.setattr(places, "explains", lambda job, kernel, point: explained)
     monkeypatch.setattr(places, "_left", lambda job, kernel, point: 0.0 if point is GOAL else 4.0)
-    found = places.likely_places(JOB, KERNEL)
+    search = places.Search(JOB, KERNEL)
+    search.places(scattered=False)
+    found = search.places()
     if explained:  # what explains the rows needs no further starts
         assert len(tried) == 5
         assert found[0] is RIGID
     else:
+        # steps from the first ones are taken once
+        assert len(tried) == 5 + SCATTERED_STARTS
         assert found[0] is GOAL
         assert found[1] is RIGID
 
@@ -68,5 +72,5 @@ def test_one_spring_has_no_other_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(places, "settled", lambda job, kernel, starts: [RIGID])
     monkeypatch.setattr(places, "explains", lambda job, kernel, point: False)
     one = SimpleNamespace(**{**vars(KERNEL), "giving": (row(0),)})
-    (found,) = places.likely_places(JOB, one)
+    (found,) = places.Search(JOB, one).places()
     assert found is RIGID
