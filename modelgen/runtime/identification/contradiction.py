@@ -50,6 +50,12 @@ def below_zero(model: Model, fit: Fit, drift: FloatArray) -> dict[str, float]:
     return {name: -value / stds[name] for name, value in negative.items() if stds.get(name, 0.0) > 0.0}
 
 
+def impossible(model: Model, fit: Fit) -> bool:
+    """Tell whether something that cannot be negative is, beyond chance."""
+    none = np.zeros((len(fit.columns),) * 2)
+    return max(below_zero(model, fit, none).values(), default=0.0) > BEYOND_CHANCE
+
+
 def _physical_deviations(
     model: Model, fit: Fit, physical: Mapping[str, float], covariance: FloatArray
 ) -> dict[str, float]:

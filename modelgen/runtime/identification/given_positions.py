@@ -17,7 +17,8 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
-from modelgen.runtime.identification.contradiction import below_zero
+from modelgen.runtime.diagnostics.noise_bias import less_noise
+from modelgen.runtime.identification.contradiction import impossible
 from modelgen.runtime.identification.cutoffs.cutoff_steps import higher_cutoffs
 from modelgen.runtime.identification.elastic.likely_places import Search, explains
 from modelgen.runtime.identification.elastic.other_springs import other_springs
@@ -54,7 +55,6 @@ from modelgen.runtime.least_squares.delays import with_holds
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.parameters.thresholds import BEYOND_CHANCE
 from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open
 
 
@@ -173,11 +173,12 @@ def _explained(task: Task, rest: Rest, kernel: DeflectedKernel) -> bool:
 def _misfit(task: Task) -> float:
     """Return the logarithm of how unlikely rows about a place are, less a constant; of no arm infinite.
 
-    With links or motors of negative inertia rows of another place are explained as well.
+    With links or motors of negative inertia rows of another place are explained as well. What is negative
+    through noise of the sensors alone says nothing of the place.
     """
-    fit = run_wls(_on_time(task))[1]
-    none = np.zeros((len(fit.columns),) * 2)
-    if max(below_zero(task.model, fit, none).values(), default=0.0) > BEYOND_CHANCE:
+    model, job = task.model, _on_time(task)
+    fit = run_wls(job)[1]
+    if impossible(model, fit) and impossible(model, less_noise(model, job.records, job.choice, fit)[0]):
         return np.inf
     return fit.count * left_by(fit)
 

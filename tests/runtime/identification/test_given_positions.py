@@ -176,6 +176,22 @@ def test_springs_are_sought_behind_held_commands(
     assert all(np.array_equal(one, 2.0 * GOAL) for one in rest.beyond)
 
 
+@pytest.mark.parametrize("through_noise", [False, True])
+def test_what_is_negative_through_noise_says_nothing_of_a_place(
+    monkeypatch: pytest.MonkeyPatch, through_noise: bool
+) -> None:
+    """A damper of which nearly all was noise had places refused that explain the rows."""
+    fit, freed = SimpleNamespace(count=3), SimpleNamespace(count=3)
+    monkeypatch.setattr(given_positions, "_on_time", lambda task: task.job)
+    monkeypatch.setattr(given_positions, "run_wls", lambda job: (None, fit))
+    monkeypatch.setattr(given_positions, "less_noise", lambda *_: (freed, None))
+    monkeypatch.setattr(given_positions, "left_by", lambda one: 2.0)
+    monkeypatch.setattr(given_positions, "impossible", lambda model, one: one is fit or not through_noise)
+    job = SimpleNamespace(records=(), choice=None)
+    task: Any = SimpleNamespace(model=None, job=job)
+    assert given_positions._misfit(task) == (6.0 if through_noise else np.inf)
+
+
 @pytest.mark.parametrize("explained", [False, True])
 def test_more_starts_are_tried_where_neither_hold_nor_none_explains(
     monkeypatch: pytest.MonkeyPatch, explained: bool
