@@ -20,7 +20,7 @@ from modelgen.progress import step
 from modelgen.runtime.diagnostics.noise_bias import less_noise
 from modelgen.runtime.identification.contradiction import impossible
 from modelgen.runtime.identification.cutoffs.cutoff_steps import higher_cutoffs
-from modelgen.runtime.identification.elastic.likely_places import Search, explains
+from modelgen.runtime.identification.elastic.likely_places import StartedSprings, explains
 from modelgen.runtime.identification.elastic.other_springs import other_springs
 from modelgen.runtime.identification.elastic.rest import Drifting, Rest
 from modelgen.runtime.identification.elastic.settling import settled_with
@@ -133,7 +133,7 @@ def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
     moves by is in its deviations.
     """
     if not task.sets_channels_right:
-        return _searched(task, Search(_on_time(task), kernel))
+        return _searched(task, StartedSprings(_on_time(task), kernel))
     # others need not load it
     from modelgen.runtime.identification.elastic.channel_errors import forces_of_drives
 
@@ -155,7 +155,7 @@ def _with_and_without_holds(
 
     The more starts take long, and are of use where neither is explained without.
     """
-    of_task, of_held = (Search(_on_time(one), kernel) for one in (task, held))
+    of_task, of_held = (StartedSprings(_on_time(one), kernel) for one in (task, held))
     plain = _searched(task, of_task, scattered=False)
     if plain is not None and _explained(*plain, kernel):
         near = _at_rest(held, of_held.job, kernel, (plain[1].point,), others=False)
@@ -183,7 +183,7 @@ def _misfit(task: Task) -> float:
     return fit.count * left_by(fit)
 
 
-def _searched(task: Task, search: Search, scattered: bool = True) -> tuple[Task, Rest] | None:
+def _searched(task: Task, search: StartedSprings, scattered: bool = True) -> tuple[Task, Rest] | None:
     """Return the task about where steps from many starts rest, and that; None where they rest nowhere.
 
     Directions of motors that no sensor sees are off where springs are: rows with all forces then lead to

@@ -44,7 +44,7 @@ from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class StartedSprings:
     """Where steps lead from springs to start with, in rows of a job: looked for once, however often asked.
 
     Points are base parameters, shape (columns,), in SI.
@@ -57,7 +57,7 @@ class Search:
         """Return where steps from springs to start with lead, what leaves least first.
 
         From more starts where that leaves more than noise, if they may be `scattered`: one spring alone has
-        nothing to be in ratio to.
+        nothing to be in ratio to. Points have shape (columns,).
         """
         job, kernel, places = self.job, self.kernel, self._led
         enough = not scattered or len(kernel.giving) < FEWEST_SCATTERED
@@ -71,7 +71,7 @@ class Search:
 
     @cached_property
     def with_forces_open(self) -> FloatArray | None:
-        """Where rows that leave forces open come to rest, None where nowhere."""
+        """Where rows that leave forces open come to rest, shape (columns,); None where nowhere."""
         starts = starting_springs(self.job.model, self.kernel, self.job.records)
         begun = begun_with_forces_open(self.job, self.kernel, starts)
         return rest_with_forces_open(self.job, self.kernel, begun)

@@ -55,7 +55,7 @@ def test_a_spring_in_the_band_is_found_from_scattered_starts(
     monkeypatch.setattr(places, "likely_starts", lambda job, kernel, starts: list(starts))
     monkeypatch.setattr(places, "explains", lambda job, kernel, point: explained)
     monkeypatch.setattr(places, "_left", lambda job, kernel, point: 0.0 if point is GOAL else 4.0)
-    search = places.Search(JOB, KERNEL)
+    search = places.StartedSprings(JOB, KERNEL)
     search.places(scattered=False)
     found = search.places()
     if explained:  # what explains the rows needs no further starts
@@ -72,5 +72,5 @@ def test_one_spring_has_no_other_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(places, "settled", lambda job, kernel, starts: [RIGID])
     monkeypatch.setattr(places, "explains", lambda job, kernel, point: False)
     one = SimpleNamespace(**{**vars(KERNEL), "giving": (row(0),)})
-    (found,) = places.Search(JOB, one).places()
+    (found,) = places.StartedSprings(JOB, one).places()
     assert found is RIGID
