@@ -12,6 +12,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.thresholds import (
+    FASTER_ENDS,
     FEWEST_TURNS,
     HIGHEST_CUTOFF,
     LATE_BY_CHANCE,
@@ -48,9 +49,16 @@ def turning_band_hz(acceleration: float, noise: float, derivative: int, fs: floa
 
 
 def direction_cutoff(
-    model: Model, records: Sequence[Record], cutoff_hz: float, dynamics_hz: float | None
+    model: Model,
+    records: Sequence[Record],
+    cutoff_hz: float,
+    dynamics_hz: float | None,
+    ends_hz: float | None = None,
 ) -> float:
     """Return the cut-off in Hz of velocities whose signs are directions, from that of the rows and dynamics.
+
+    `ends_hz` is up to where bodies move at the ends of records, too: rows do without what a chirp is at its
+    end, but not without its reversals, unless noise keeps them below the dynamics.
 
     Of arms it is the lowest one at which no sensed speed reverses later than in the band in which all of them
     show when they reverse: where friction bends the motion of a joint, that band itself; where it does not,
@@ -58,7 +66,10 @@ def direction_cutoff(
     these hold far more noise. What of a chain's velocities is beyond the dynamics is not known to be motion.
     """
     if not model.is_arm:
-        return min(dynamics_hz or cutoff_hz, cutoff_hz)
+        dynamics = dynamics_hz or cutoff_hz
+        if ends_hz and ends_hz > FASTER_ENDS * dynamics and cutoff_hz >= dynamics:
+            return ends_hz
+        return min(dynamics, cutoff_hz)
     if isinstance(model.kernel, DeflectedKernel) and model.kernel.speeds:
         return cutoff_hz
     found, keys, turning = [], frozenset(model.direction_keys), []

@@ -22,6 +22,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     LEAP_AFTER_STUCK,
     MOSTLY,
     MOVES,
+    MOVES_CLEARLY,
     NEARBY,
     OFTEN,
     RARELY,
@@ -29,6 +30,8 @@ from modelgen.runtime.diagnostics.thresholds import (
     RESOLUTIONS,
     SELDOM,
     SHORTEST_RUN,
+    SLOWER,
+    SPANS,
     STRAIGHT,
     USUAL_CHANGES,
     VISIBLE_NOISE,
@@ -97,6 +100,8 @@ def faulty_runs(
         clipped = np.flatnonzero(short & (long | (np.sum(short) > 1)))
         stuck = np.flatnonzero(long & ~extreme)
         stuck = stuck[_not_at_rest(runs, stuck, measures, moving)]
+        if measures == "position":
+            clipped, stuck = (which[~_slows_down(samples, runs, which)] for which in (clipped, stuck))
         stuck = stuck[~_coarse_there(samples, runs, stuck)]
         return clipped[~_coarse_there(samples, runs, clipped)], stuck
     steps, bends = np.abs(np.diff(samples)), np.abs(np.diff(samples, 2))
@@ -107,6 +112,8 @@ def faulty_runs(
     bent = np.maximum(step_at(bends, runs.first - 3), step_at(bends, runs.last + 1)) > STRAIGHT * full
     short = extreme & (lengths >= CLIPPED_RUN)
     clipped = short & bent & ((before & after) | _only_there(short, lengths, len(samples)))
+    if measures == "position":
+        clipped[clipped] = ~_slows_down(samples, runs, np.flatnonzero(clipped))
     if measures in LEAP_AFTER_STUCK:
         largest = max(full, float(np.quantile(excerpt(steps), 0.99)))
         wrong = step_at(steps, runs.last) > LEAP_AFTER_STUCK[measures] * largest
@@ -168,6 +175,23 @@ def _not_at_rest(runs: Runs, which: IntArray, measures: str, moving: BoolArray) 
     return np.asarray(during | before | after)
 
 
+def _slows_down(samples: FloatArray, runs: Runs, which: IntArray) -> BoolArray:
+    """Return before which runs of a position a mass slows down: there it sticks, and no sensor does.
+
+    A reading that was filtered or resampled shows noise in motion and none at rest. The times that are
+    compared are the shortest in which more moves than noise does.
+    """
+    found, least = np.ones(len(which), dtype=bool), MOVES_CLEARLY * _white_noise(samples)
+    for index, run in enumerate(which.tolist()):
+        first = int(runs.first[run])
+        for span in (AROUND << times for times in range(SPANS)):
+            here, before, earlier = samples[np.maximum(first - span * np.arange(3), 0)]
+            if abs(before - earlier) > least:
+                found[index] = abs(here - before) < SLOWER * abs(before - earlier)
+                break
+    return found
+
+
 def _only_there(short: BoolArray, lengths: IntArray, n: int) -> bool:
     """Return whether readings repeat at the ends of the range, hardly elsewhere, not as in a square wave."""
     there, elsewhere = int(np.sum(short)), int(np.sum(~short & (lengths >= CLIPPED_RUN)))
@@ -195,8 +219,14 @@ def noisy(samples: FloatArray, runs: Runs) -> bool:
     if len(fourth) < SHORTEST_RUN:
         return False
     alternating = float(np.mean(fourth[1:] * fourth[:-1] < 0.0))
-    noise = float(np.median(np.abs(fourth))) / (0.6745 * np.sqrt(70.0))  # standard deviation, if it is white
-    return alternating > ALTERNATING and noise > VISIBLE_NOISE * runs.resolution
+    return alternating > ALTERNATING and _white_noise(samples) > VISIBLE_NOISE * runs.resolution
+
+
+def _white_noise(samples: FloatArray) -> float:
+    """Return the standard deviation of noise of readings, if it is white; what repeats counts for nothing."""
+    fourth = np.diff(excerpt(samples), 4)
+    changing = np.abs(fourth[fourth != 0.0])
+    return float(np.median(changing)) / (0.6745 * np.sqrt(70.0)) if changing.size else 0.0
 
 
 def _full_speed(steps: FloatArray, bends: FloatArray, resolution: float) -> float:

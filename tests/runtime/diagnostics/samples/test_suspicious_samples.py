@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.diagnostics.samples.stuck_readings import equal_runs
@@ -78,6 +79,19 @@ def dwells(seed: int, turns: int, digits: int) -> Record:
 @pytest.mark.parametrize(("turns", "digits"), [(1, 5), (1, 7), (10, 6), (30, 12)])
 def test_a_drive_that_rests_between_its_moves_is_not_suspected(turns: int, digits: int, seed: int) -> None:
     assert [one for one in suspicions(RIGID, [dwells(seed, turns, digits)]) if one.kind != "unit"] == []
+
+
+def test_a_filtered_reading_of_an_axis_that_sticks_where_it_turns_is_not_suspected() -> None:
+    fs, n, held_for = 2000.0, 16000, 60
+    turning = np.arange(n) % 1000 < 1000 - held_for  # half a swing, and a while at its end
+    phase = np.pi * np.cumsum(turning) / (1000 - held_for)
+    counts = np.round(2**17 * np.cos(phase) / 6.0) * 6.0 / 2**17
+    read = lfilter([0.7], [1.0, -0.3], counts, zi=[0.3 * counts[0]])[0]
+    load = np.cos(phase + 0.01 * np.sin(0.05 * np.arange(n)))  # goes on meanwhile
+    force = np.sin(phase) + 0.01 * np.random.default_rng(0).standard_normal(n)
+    sound = {"q_m": read, "q_c": load, "Gamma_m": force}
+    assert only_kinds(Record(sound, fs)).isdisjoint({"clipped", "stuck"})
+    assert "clipped" in only_kinds(Record(sound | {"q_m": np.clip(read, -0.9, 0.9)}, fs))
 
 
 @pytest.mark.parametrize("share", [0.3, 0.5, 0.7])
