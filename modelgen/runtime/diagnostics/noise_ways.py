@@ -8,7 +8,7 @@ mean of their products over these samples.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -105,8 +105,20 @@ class NoiseWays:
 
 
 def noise_ways(model: Model, record: Record, choice: FilterChoice, factor: int) -> tuple[NoiseWays, ...]:
-    """Return the ways into every row; `factor` is the decimation of the record."""
-    return record.facts.kept((model, choice, factor), lambda: _found(model, record, choice, factor))
+    """Return the ways into every row; `factor` is the decimation of the record.
+
+    Rows of elastic arms are made about one point again and again: their ways are looked for once.
+    """
+    return record.facts.kept((_made_of(model), choice, factor), lambda: _found(model, record, choice, factor))
+
+
+def _made_of(model: Model) -> Hashable:
+    """Return what is the same where ways are: the model, or its rows and the point that they are about."""
+    kernel = model.kernel
+    if not isinstance(kernel, DeflectedKernel):
+        return model
+    columns = tuple(tuple(one.items()) for one in model.regressor_columns)
+    return kernel.inner, kernel.kernel, kernel.point.tobytes(), columns, model.measurement_columns
 
 
 def _found(model: Model, record: Record, choice: FilterChoice, factor: int) -> tuple[NoiseWays, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import is_
 from types import ModuleType
 
 from modelgen.errors import DataError, Problem
@@ -91,11 +92,14 @@ class Task:
         """Return the task with other records in the place of its own."""
         task = self
         for change in changes:
+            job = task.job.changed(change)
+            # what is the same stays the same: spectra and what noise does are then looked for once
+            alike = all(map(is_, task.records, task.job.records))
             task = replace(
                 task,
-                records=change(task.records),
+                records=job.records if alike else change(task.records),
                 unseen=change(task.unseen),
-                job=task.job.changed(change),
+                job=job,
                 changes=(*task.changes, change),
             )
         return task

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.identification.solution import fitted
 from modelgen.runtime.identification.task import prepared
+from modelgen.runtime.least_squares.delays import with_holds
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from tests.runtime.two_mass_records import FS, SMALL, two_mass_records
 
@@ -27,3 +29,12 @@ def test_delays_stay_with_other_filters_also_beside_an_effect(late: float) -> No
         other = solution.at(task, replace(task.choice, cutoff_hz=factor * task.choice.cutoff_hz))
         assert other.columns == solution.fit.columns
         np.testing.assert_array_less(np.abs(other.solution.x - solution.fit.solution.x), 3.0 * spread)
+
+
+def test_a_change_makes_one_record_of_one() -> None:
+    """What is found of a record, as its spectra, stays with it: rows and checks are to look at the same."""
+    task = prepared(SMALL, two_mass_records(), Auto(), Filters(), CheckOptions())
+    assert task.job.records[0] is task.records[0]
+    held = task.changed(partial(with_holds, channels=(SMALL.actuators[0].key,)))
+    assert held.records[0] is not task.records[0]
+    assert held.job.records[0] is held.records[0]

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.given_directions import Succession
@@ -83,3 +84,19 @@ def test_noise_lifts_what_a_row_of_late_positions_leaves_as_predicted() -> None:
     lifted, expected = lifted_and_expected(model, choice, read, 1.0, point)
     assert len(lifted) > 200
     assert float(lifted @ expected) / float(expected @ expected) == pytest.approx(1.0, abs=0.15)
+
+
+def test_ways_of_noise_into_rows_about_one_point_are_looked_for_once() -> None:
+    model, kernel, point = damped()
+    record = moved(model)
+    choice = choose_filter(model, [record], cutoff_hz=15.0, signal_cutoff_hz=270.0)
+    ways = noise_ways(model, record, choice, 10)
+    again = replace(model, kernel=kernel.at(point.copy()))
+    assert noise_ways(again, record, choice, 10) is ways
+    other = replace(model, kernel=kernel.at(1.1 * point, sampled=True))
+    assert noise_ways(other, record, choice, 10) is not ways
+    # directions are those of samples, whatever rows are made with
+    fresh = noise_ways(again, moved(model), choice, 10)
+    for one, same in zip(ways, fresh, strict=True):
+        np.testing.assert_array_equal(one.means, same.means)
+        np.testing.assert_array_equal(one.spread, same.spread)
