@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from operator import is_
 from types import ModuleType
 
 from modelgen.errors import DataError, Problem
@@ -94,7 +93,7 @@ class Task:
         for change in changes:
             job = task.job.changed(change)
             # what is the same stays the same: spectra and what noise does are then looked for once
-            alike = all(map(is_, task.records, task.job.records))
+            alike = [*map(id, task.records)] == [*map(id, task.job.records)]
             task = replace(
                 task,
                 records=job.records if alike else change(task.records),
