@@ -109,7 +109,7 @@ def effect_rows(
     """
     if not effects:
         return ()
-    reads, every = channels_of_keys(setting.model), _mismatch_terms(fit, setting)
+    reads, every = channels_of_keys(setting.model), mismatch_of(fit, setting)
     # away from reversals a direction stays: that of a body at rest would be one of rounding, at any size
     jumps = {one.key for one in setting.model.features if one.function in DIRECTIONS and one.times is None}
 
@@ -118,7 +118,7 @@ def effect_rows(
         found: list[dict[int, FloatArray]] = []
         blocks = {index: fit.blocks[index] for index in fit.by_record[record]}
         turning = {block.row for block in blocks.values() if block.turning}
-        calm = _rows(setting, one.record, record)
+        calm = rows_of(setting, one.record, record)
         pushes = PushedRows(calm)
         for effect, known in zip(effects, (*sizes, *[0.0] * len(effects)), strict=False):
             changes = effect.added(one, known)
@@ -205,83 +205,12 @@ def _moves(record: Record, changes: Changes, read: Set[str]) -> bool:
     return _tried_size(record, {key: changes[key] for key in read}) > 0.0
 
 
-def noise_rows(
-    fit: Fit, setting: Setting, effects: Sequence[Effect], grown: Sequence[Sequence[FloatArray]]
-) -> tuple[tuple[FloatArray, ...], tuple[tuple[FloatArray, ...], ...]]:
-    """Return what noise of the forces adds to the residual, and to what each effect does to it.
-
-    The simulation is driven by the measured forces: their noise is in both, and looks like a lag. It is drawn
-    anew, as large as the record's.
-
-    Returns
-    -------
-    tuple of array
-        One a block of the fit, in the unit of its row, shape (n,).
-    tuple of tuple of array
-        Likewise for each effect, per unit of its size.
-    """
-    rng = np.random.default_rng(0)
-    noisy = []
-    for record in setting.records:
-        louder = {}
-        for actuator in setting.model.actuators:
-            if actuator.key in record.signals:
-                density = record.facts.spectrum(actuator.key).noise
-                level = float(np.sqrt(0.5 * density * record.fs))
-                louder[actuator.key] = record.signals[actuator.key] + level * rng.standard_normal(record.n)
-        noisy.append(record.edited(louder))
-    noisy_setting = replace(setting, records=tuple(noisy))
-    added = effect_rows(fit, noisy_setting, simulated_records(fit, noisy_setting), effects)
-    changes = tuple(
-        tuple(more - less for more, less in zip(one, other, strict=True))
-        for one, other in zip(added, grown, strict=True)
-    )
-    return next(_added_to_residual(fit, setting, [noisy])), changes
-
-
-def rounded_rows(
-    fit: Fit, setting: Setting, simulated: Sequence[Simulated], phases: Sequence[float]
-) -> Iterator[tuple[FloatArray, ...]]:
-    """Yield what encoders add to the residual that round the simulated motion as they did the measured one.
-
-    Rounding follows the motion, and stays where a body rests: what it looks like hangs on where in a step
-    that is. `phases` are by what part of a step the first encoder is turned, each next one by as much more.
-    There is one array a block of the fit, in the unit of its row, shape (n,), for each phase.
-    """
-    positions = [sensor.key for sensor in setting.model.sensors if sensor.measures == "position"]
-
-    def rounded(record: Record, exact: Record, phase: float) -> Record:
-        coarse = {}
-        for place, key in enumerate(key for key in positions if key in record.signals):
-            step = record.facts.rounding(key)
-            if step > 0.0:
-                turned = exact.signals[key] / step + (place + 1) * phase
-                coarse[key] = record.signals[key] + step * (np.round(turned) - turned)
-        return record.edited(coarse)
-
-    pairs = [*zip(setting.records, simulated, strict=True)]
-    every = ([rounded(record, one.record, phase) for record, one in pairs] for phase in phases)
-    return _added_to_residual(fit, setting, every)
-
-
-def _added_to_residual(
-    fit: Fit, setting: Setting, edited: Iterable[Sequence[Record]]
-) -> Iterator[tuple[FloatArray, ...]]:
-    """Yield what edits of the records add to the residual: one array a block of the fit, shape (n,)."""
-    terms = _mismatch_terms(fit, setting)
-    plain = [_rows(setting, record, index).mixed(terms) for index, record in enumerate(setting.records)]
-    for records in edited:
-        more = [_rows(setting, record, index).mixed(terms) for index, record in enumerate(records)]
-        added = [one - other for one, other in zip(more, plain, strict=True)]
-        yield tuple(added[block.record][block.row][block.place] for block in fit.blocks)
-
-
-def _mismatch_terms(fit: Fit, setting: Setting) -> tuple[dict[str, float], ...]:
+def mismatch_of(fit: Fit, setting: Setting) -> tuple[dict[str, float], ...]:
     """Return the weights of signals in Y - W X, row by row of the model."""
     return mismatch_terms(setting.model, fit.all_parameters(setting.model.base_parameters))
 
 
-def _rows(setting: Setting, record: Record, index: int) -> RecordRows:
+def rows_of(setting: Setting, record: Record, index: int) -> RecordRows:
     """Return the rows of a record, the `index`-th, at all samples of the grid."""
     choice = setting.choice
     return unmasked_rows(setting.model, record, choice, choice.decimation[index], setting.drop)

@@ -211,7 +211,7 @@ class Span:
         R = fit.regressors if slope is None else fit.regressors.mixed(slope)
         self.fit, self.slope, free = fit, slope, R.columns
         self._spanned = Spanned(R.joined(others).weighted(fit.weights))
-        self._back = self._spanned.back[:free]
+        self._back, self.made = self._spanned.back[:free], R.made
         # the norm of what an effect may add to the rows
         x = fit.solution.x if free == len(fit.columns) else _unknowns(fit, R)
         self.largest_overlooked = LARGEST_SHARE * float(np.max(self._spanned.sizes[:free] * np.abs(x)))

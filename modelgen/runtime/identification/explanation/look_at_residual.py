@@ -15,11 +15,12 @@ from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import MOST_TRIED, OVER_NOISE, SUSPECTED
 from modelgen.runtime.iv.companion_simulation import Simulated
 from modelgen.runtime.iv.effect import LOW_PASSES, Effect, unlike
-from modelgen.runtime.iv.effect_rows import effect_rows, noise_rows, rounded_rows, simulated_records
+from modelgen.runtime.iv.effect_rows import effect_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.low_pass import lag_for_delay
 from modelgen.runtime.iv.model_errors import effects_of
+from modelgen.runtime.iv.noise_on_rows import NoiseRows, noise_rows, rounded_rows
 from modelgen.runtime.iv.score_tests import Score, Span, moves_within, scores, stacked
 from modelgen.runtime.iv.shapes.creep import creep_effects, creeping_links
 from modelgen.runtime.iv.shapes.mass_search import further_masses
@@ -99,8 +100,9 @@ def look(
     doubtful = [tested.index(one.effect) for one in found if one.matters]
     if doubtful:
         seen = [tested[index] for index in doubtful]
-        noise = noise_rows(now.fit, now.setting, seen, [rows[index] for index in doubtful])
-        found = _without_noise(found, span, seen, noise)
+        shown = [rows[index] for index in doubtful]
+        noise = noise_rows(now.fit, now.setting, simulated, seen, shown, known, now.sizes)
+        found = _without_noise(found, span, dict(zip(seen, shown, strict=True)), noise)
     found = _beyond_rounding(found, span, (tested, rows), now, simulated)
     forces, records = now.late_forces, job.records
     beyond = {one.effect.name for one in found if not believable(one.effect, one.size, forces, records)}
@@ -114,8 +116,8 @@ def look(
     folded, either = _moved_by_unsized(span, unsized, folds)
     kept = [best.get(effect.name, effect) is effect and effect.name not in beyond for effect in tested]
     left = [entry for entry, stays in zip(zip(tested, rows, strict=True), kept, strict=True) if stays]
-    shown, told_by = tuple(one for one, _ in left), tuple(row for _, row in left)
-    return Seen(found, hidden, shown, told_by, shapes, folded, rounded, either)
+    apart, told_by = tuple(one for one, _ in left), tuple(row for _, row in left)
+    return Seen(found, hidden, apart, told_by, shapes, folded, rounded, either)
 
 
 def _lags_for_delays(job: Job, now: Freed, known: Sequence[Effect]) -> Iterator[Effect]:
@@ -177,26 +179,26 @@ def _beyond_rounding(
 
 
 def _without_noise(
-    found: Sequence[Score],
-    span: Span,
-    effects: Sequence[Effect],
-    noise: tuple[Sequence[FloatArray], Sequence[Sequence[FloatArray]]],
+    found: Sequence[Score], span: Span, effects: Mapping[Effect, Sequence[FloatArray]], noise: NoiseRows
 ) -> tuple[Score, ...]:
     """Return the scores without what noise of the forces makes of them, the most explained first.
+
+    What is regressed on instruments has less of their noise: nearly a column, an effect has none of its own.
 
     Parameters
     ----------
     span : Span
-    effects : sequence of Effect
-        Those that matter.
-    noise : pair
-        What noise adds to the residual and to the effects, in SI, (rows,) a block, as from `noise_rows`.
+    effects : mapping of Effect to sequence of array
+        Those that matter, and what they do to the rows, as from `effect_rows`.
+    noise : NoiseRows
     """
     fit = span.fit
-    r = span.apart(stacked(fit, noise[0]))
-    shift = {
-        effect.name: float(stacked(fit, change) @ r) for effect, change in zip(effects, noise[1], strict=True)
-    }
+    r, shift = span.apart(stacked(fit, noise.residual)), {}
+    shares = span.compared([*effects.values()], span.left).share
+    shares = np.zeros((len(fit.columns), len(effects))) if span.made is None else span.made @ shares
+    for effect, change, share in zip(effects, noise.effects, shares.T, strict=True):
+        blocks = zip(change, noise.instruments, map(fit.touched, range(len(change))), strict=True)
+        shift[effect.name] = float(stacked(fit, [own - Z @ share[places] for own, Z, places in blocks]) @ r)
     changed = []
     for one in found:
         if one.effect.name in shift:

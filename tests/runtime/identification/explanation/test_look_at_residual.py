@@ -121,3 +121,31 @@ def test_what_rounding_of_encoders_looks_like_does_not_matter(
     (gap,) = look(task.job, found_by(task.job, found.observation, found.fit), (), None).found
     assert gap.matters == gap.likely == matters
     assert (gap.least > 0.6 * size) != matters
+
+
+def test_noise_of_forces_looks_alike_in_what_are_columns_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """J_m of either record: together they are the column of J_m, and its noise is in the instruments."""
+    rng, records = np.random.default_rng(0), []
+    for one in two_mass_records():
+        force = one.signals["Gamma_m"]
+        noisy = force + 0.3 * np.std(force) * rng.standard_normal(one.n)
+        records.append(Record(dict(one.signals) | {"Gamma_m": noisy}, one.fs, one.name))
+    task = prepared(SMALL, records, Auto(), Filters(), CheckOptions())
+    found, real, shifts = run_method(task, IV()).found, look_at_residual.scores, []
+
+    def mattering(*given: Any) -> tuple[Score, ...]:
+        either = [one for one in real(*given) if one.effect.name.startswith("J_m of record")]
+        return tuple(replace(one, matters=True, least=0.0) for one in either)
+
+    def kept(found: Any, *given: Any) -> tuple[Score, ...]:
+        before, after = found, without(found, *given)
+        sizes = {one.effect.name: one.size for one in after}
+        shifts.extend(one.power * (one.size - sizes[one.effect.name]) for one in before)
+        return tuple(after)
+
+    without = look_at_residual._without_noise
+    monkeypatch.setattr(look_at_residual, "scores", mattering)
+    monkeypatch.setattr(look_at_residual, "_without_noise", kept)
+    look(task.job, found_by(task.job, found.observation, found.fit), (), None)
+    one, other = shifts
+    assert abs(one + other) < 0.3 * max(abs(one), abs(other))  # else both have one sign
