@@ -13,7 +13,13 @@ from modelgen.runtime.files.npy_channels import open_npy
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
-from modelgen.runtime.iv.effect_rows import _moved_rows, _over_records, _rows, effect_rows, simulated_records
+from modelgen.runtime.iv.effect_rows import (
+    _moved_rows,
+    _over_records,
+    effect_rows,
+    rows_of,
+    simulated_records,
+)
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.pushed_rows import PushedRows
@@ -57,7 +63,7 @@ def test_what_changes_nothing_turns_nothing() -> None:
     """In a simulation at rest an effect is zero: there is no multiple of it to form a direction with."""
     (record, *_) = records = tuple(two_mass_records())
     setting = Setting(SMALL, records, choose_filter(SMALL, records))
-    pushes = PushedRows(_rows(setting, record, 0))
+    pushes = PushedRows(rows_of(setting, record, 0))
     sign = next(one for one in SMALL.features if one.function == "sign")
     read = {signal.channel for signal in SMALL.signals if signal.key == sign.of}
     nothing = {key: np.zeros(record.n) for key in read}
