@@ -7,6 +7,7 @@ jump stands out in a high difference.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import comb
 
 import numpy as np
@@ -15,6 +16,7 @@ from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filters.thresholds import (
     BEND,
     BEND_APART,
+    BEND_BACK,
     BEND_NEAR,
     BEND_STEPS,
     JUMP,
@@ -25,10 +27,11 @@ from modelgen.runtime.filters.thresholds import (
     MOST_STEPPING,
     STEP,
     STEP_APART,
-    STEP_CHANGE,
     STEP_NOISE,
     STEP_ORDER,
+    STEP_PASSES,
     STEP_ROUNDS,
+    STEP_ROWS,
     STEP_SHARE,
 )
 
@@ -48,47 +51,81 @@ def jumps(samples: FloatArray) -> IntArray:
     return _standing_out(_high_difference(samples), JUMP, samples) + JUMP_ORDER // 2
 
 
-def steps(samples: FloatArray) -> tuple[IntArray, FloatArray]:
+def steps(samples: FloatArray, others: Sequence[FloatArray] = ()) -> tuple[IntArray, FloatArray]:
     """Return the samples at which a signal, shape (n,), takes a step, and how large it is, in its unit.
 
-    Shape (steps,) each. A step stands out of what samples before predict, and may come as often as in a
-    random binary signal; where the usual change is as large there are none.
+    Shape (steps,) each. A step stands out of what samples before predict, of the signal and of others that it
+    may follow, and may come as often as in a random binary signal; where the usual change is as large there
+    are none.
     """
-    none = np.zeros(0, dtype=np.int64), np.zeros(0)
+    places, sizes = np.zeros(0, dtype=np.int64), np.zeros(0)
     if len(samples) < STEP_APART * STEP_ORDER:
-        return none
-    change, left = np.diff(samples), np.abs(_unpredicted(samples))
-    usual = float(np.median(left)) / MEDIAN_OF_NORMAL
+        return places, sizes
+    for done in range(STEP_PASSES):
+        # what is no step follows its own samples and those of all channels, and tells the steps better
+        taken = np.zeros(len(samples))
+        taken[places] = sizes
+        new = taken + _unpredicted(samples - np.cumsum(taken), (samples, *others) if done else others)
+        places = _stepping(samples, new)
+        if not places.size:
+            return places, np.zeros(0)
+        plain, change = _plain_sizes(samples, places)
+        usual = [float(np.median(np.abs(one))) for one in (new[STEP_ORDER:], np.diff(change))]
+        sizes = new[places] if done and usual[0] < usual[1] else plain
+    return places, sizes
+
+
+def _plain_sizes(samples: FloatArray, places: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return how large steps are of a signal that changes as before up to them, and how it changes.
+
+    A controller that feels a step answers behind it.
+    """
+    change, still = np.diff(samples, prepend=samples[:1]), np.ones(len(samples), dtype=bool)
+    still[places] = False
+    before = np.maximum.accumulate(np.where(still, np.arange(len(samples)), 0))[places]
+    return change[places] - change[before], change
+
+
+def _stepping(samples: FloatArray, new: FloatArray) -> IntArray:
+    """Return where a signal takes a step, of what samples before do not predict of it, shape (n,) each."""
+    left, change = np.abs(new), np.abs(np.diff(samples, prepend=samples[:1]))
+    usual = float(np.median(left[STEP_ORDER:])) / MEDIAN_OF_NORMAL
     places = np.flatnonzero(left > max(STEP * usual, LEAST_JUMP * float(np.std(samples))))
-    if usual == 0.0 or not places.size or len(places) > MOST_STEPPING * len(samples):
-        return none
-    places = places[left[places] > STEP * _usual_near(left, places)] + STEP_ORDER - 1
-    # what bends is not predicted either, and changes as much from there on, nor is the answer to a step that
-    # noise hides elsewhere, which is smaller than the step
-    size = np.abs(change)
-    places = places[size[places] > STEP_CHANGE * _usual_near(size, places)]
-    places = places[size[places] > STEP_SHARE * _largest_around(size, places, STEP_ORDER)]
-    rest = np.ones(len(change), dtype=bool)
-    rest[places] = False
-    # up to a step it changes as before: a controller that feels the step answers behind it
-    before = np.maximum.accumulate(np.where(rest, np.arange(len(change)), -1))[places]
-    return places + 1, change[places] - np.where(before < 0, 0.0, change[before])
+    if usual == 0.0 or len(places) > MOST_STEPPING * len(samples):
+        return places[:0]
+    places = places[left[places] > STEP * _usual_near(left, places)]
+    # what bends is not predicted either, and changes as much from there on; what steps bends there, and back.
+    # Nor is the answer to a step that noise hides elsewhere, which is smaller than the step
+    bend = np.diff(samples, 2, prepend=samples[:1], append=samples[-1:])
+    at, behind = bend[places - 1], bend[places]
+    back = -behind * np.sign(at) > BEND_BACK * np.abs(at)
+    places = places[back & (np.abs(at) > STEP_SHARE * left[places])]
+    return places[change[places] > STEP_SHARE * _largest_around(change, places, STEP_ORDER)]
 
 
-def _unpredicted(samples: FloatArray) -> FloatArray:
-    """Return what the samples before do not predict of a signal, shape (n - STEP_ORDER,).
+def _unpredicted(samples: FloatArray, others: Sequence[FloatArray]) -> FloatArray:
+    """Return what the samples before do not predict of a signal, shape (n,), zero at the first ones.
 
     A controller answers a step in the samples behind it, as it answers everything: the prediction is the one
-    that leaves least of what is no step.
+    that leaves least of what is no step. It answers what sensors read, and of a mode that rings behind every
+    step they tell more than its own samples.
     """
-    past = np.lib.stride_tricks.sliding_window_view(samples[:-1], STEP_ORDER)
-    past, now = np.column_stack([past, np.ones(len(past))]), samples[STEP_ORDER:]
-    usual, left = np.ones(len(now), dtype=bool), now
+    past = [np.ones(len(samples) - STEP_ORDER)]
+    for channel in (samples, *others):
+        change = channel
+        for order in range(STEP_ORDER):
+            known = change[STEP_ORDER - 1 - order : -1]
+            past.append(known / (float(np.linalg.norm(known)) or 1.0))
+            change = np.diff(change)
+    rows, now = np.column_stack(past), samples[STEP_ORDER:]
+    few = slice(None, None, -(-len(now) // STEP_ROWS))
+    some, wanted = rows[few], now[few]
+    usual, left = np.ones(len(wanted), dtype=bool), now
     for _ in range(STEP_ROUNDS):
-        left = now - past @ np.linalg.lstsq(past[usual], now[usual], rcond=None)[0]
-        size = np.abs(left)
+        left = now - rows @ np.linalg.lstsq(some[usual], wanted[usual], rcond=None)[0]
+        size = np.abs(left[few])
         usual = size <= STEP_NOISE * float(np.median(size)) / MEDIAN_OF_NORMAL
-    return np.asarray(left)
+    return np.concatenate([np.zeros(STEP_ORDER), left])
 
 
 def _usual_near(sizes: FloatArray, places: IntArray) -> FloatArray:

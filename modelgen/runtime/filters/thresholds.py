@@ -50,10 +50,12 @@ JUMP, LEAST_JUMP, MOST_JUMPS = 10.0, 1e-3, 0.1
 # standard deviation), of all samples and of so many before and behind it; at most this share of the samples
 # takes one.
 STEP_ORDER, STEP, STEP_APART, MOST_STEPPING = 4, 10.0, 6, 0.3
-# The signal changes there by so many times what is usual nearby, and by this share of its largest change as
-# near as the prediction reaches. That is found in so many rounds, of samples of which it leaves no more than
-# so many deviations.
-STEP_CHANGE, STEP_SHARE, STEP_ROUNDS, STEP_NOISE = 3.0, 0.5, 6, 3.0
+# The signal bends back behind it by this share of its bend there, and changes by this share of its largest
+# change as near as the prediction reaches. That is found in so many rounds, of samples of which it leaves no
+# more than so many deviations.
+BEND_BACK, STEP_SHARE, STEP_ROUNDS, STEP_NOISE = 0.25, 0.5, 6, 3.0
+# How samples are predicted is found from so many, at most; and so often, each time without the steps known.
+STEP_ROWS, STEP_PASSES = 10_000, 4
 
 # A reading that begins again after a turn jumps by more than this share of its range, and its other steps
 # are no larger than that; with the turns added, no second difference is so many times the largest elsewhere.

@@ -21,6 +21,8 @@ from modelgen.runtime.identification.explanation.best_cutoff import (
     at_white_cutoff,
     calmer,
 )
+from modelgen.runtime.identification.explanation.commands import held_commands
+from modelgen.runtime.identification.explanation.commands.held_images import with_readings_at_changes
 from modelgen.runtime.identification.explanation.explain_stretches import (
     decided_by_stretches,
     explained_by_stretches,
@@ -40,8 +42,6 @@ from modelgen.runtime.identification.explanation.from_starts import (
     with_starts,
     with_zeros,
 )
-from modelgen.runtime.identification.explanation.held_commands import with_held_commands, with_shown_or_held
-from modelgen.runtime.identification.explanation.held_images import with_readings_at_changes
 from modelgen.runtime.identification.explanation.least_squares_instead import (
     least_squares_instead,
     least_squares_of_long_arm,
@@ -132,7 +132,7 @@ def _of_chain(task: Task, method: Auto) -> Begun:
     if first.found.fit.carried is not None:
         run = partial(_instrumental, method=method.instrumental)
         first = at_white_cutoff(given, first, lambda other: _with_holds(other, method, run(other)))
-        first = with_shown_or_held(plain, first) if task.checks.drift_check else first
+        first = held_commands.with_shown_or_held(plain, first) if task.checks.drift_check else first
         return with_note(with_exchanged_bodies(first), "method iv, in the physical parameters")
     if not exceeding(first):
         return _less_driven(task, method, first)
@@ -143,7 +143,7 @@ def _of_chain(task: Task, method: Auto) -> Begun:
 def _with_holds(task: Task, method: Auto, first: Begun) -> Begun:
     """Return instruments with commands as a drive holds them, and forces as it averages them."""
     run = partial(_instrumental, method=method.instrumental)
-    return with_averaged_forces(with_held_commands(task, first, method.held, run), run)
+    return with_averaged_forces(held_commands.with_held_commands(task, first, method.held, run), run)
 
 
 def _below(one: Begun) -> float:

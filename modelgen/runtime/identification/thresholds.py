@@ -56,6 +56,11 @@ PARTS_LATE = (-0.5, -0.25, 0.25, 0.5)
 LEAST_APART = 0.01
 # Rounds in which a command is taken as held, at most; done when it moves by less than this share of a sample.
 HELD_ROUNDS, HELD_SETTLED = 3, 5e-3
+# What a low-pass in the reading undoes of how a hold averages, at most, for a command to be one that is held.
+UNDONE = 0.5
+# How long a controller holds what it adds to the steps of a command hardly shows, where that has a deviation
+# of so many samples: anywhere between 0 and 1 it has 0.29.
+REST_UNKNOWN = 0.15
 # Directions change at instants that are known to this share of a sample at best: speeds are read at samples,
 # and bend in between.
 KNOWN_INSTANT = 0.02

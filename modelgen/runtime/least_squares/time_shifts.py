@@ -66,12 +66,25 @@ def _products_of_others(at: float | FloatArray, nodes: Sequence[int]) -> list[fl
     return [one * other for one, other in zip(before, reversed(behind), strict=True)]
 
 
-def hold(channel: str) -> Edit:
-    """Return what a zero-order hold makes of a command: late by half a sample, and averaged over one.
+def hold(channel: str, length: float = 1.0, later: float | None = None) -> Edit:
+    """Return what a zero-order hold over so many samples makes of a command: late by half, and averaged.
 
-    Frequencies above half the sampling frequency, which a hold adds, are left out.
+    Late by so many halves of a sample where `later` is given. Frequencies above half the sampling frequency,
+    which a hold adds, are left out.
     """
-    return behind(channel, lambda f: np.sinc(f) * np.exp(-1j * np.pi * f), 1.0)
+    late = length if later is None else later
+    return behind(
+        channel, lambda f: np.sinc(length * f) * np.exp(-1j * np.pi * late * f), max(1.0, abs(late))
+    )
+
+
+def plus(channel: str, other: Record, times: float = 1.0) -> Edit:
+    """Return a channel with so many times that of another record added."""
+
+    def make(samples: FloatArray, start: int) -> FloatArray:
+        return np.asarray(samples + times * other.read(channel, start, start + len(samples)))
+
+    return Edit(channel, make)
 
 
 def steps_only(record: Record, channels: Collection[str]) -> Record:

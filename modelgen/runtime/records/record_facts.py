@@ -210,7 +210,10 @@ class RecordFacts:
             yield found[(found >= start) & (found < start + WHOLE)]
 
     def steps(self, channel: str) -> tuple[IntArray, FloatArray]:
-        """Return the samples at which a channel takes a step, and its size, shape (steps,), see `steps`."""
+        """Return the samples at which a channel takes a step, and its size, shape (steps,), see `steps`.
+
+        Other channels as they were read tell what it follows.
+        """
 
         def make() -> tuple[IntArray, FloatArray]:
             places, sizes = zip(*self._steps(channel), strict=True)
@@ -219,10 +222,11 @@ class RecordFacts:
         return self.channels[channel].once("steps", make)
 
     def _steps(self, channel: str) -> Iterator[tuple[IntArray, FloatArray]]:
-        n = self._source.n
+        n, read = self._source.n, (self._read or self)._source
         for start in range(0, n, WHOLE):
             low, high = max(start - JUMP_ORDER, 0), min(start + WHOLE + JUMP_ORDER, n)
-            places, sizes = steps(self._source.read(channel, low, high))
+            others = [read.read(key, low, high) for key in read.keys if key != channel]
+            places, sizes = steps(self._source.read(channel, low, high), others)
             inside = (low + places >= start) & (low + places < start + WHOLE)
             yield low + places[inside], sizes[inside]
 

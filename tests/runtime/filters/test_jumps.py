@@ -96,6 +96,22 @@ def test_steps_are_found_that_a_controller_answers_within_samples(often: int, ke
     np.testing.assert_allclose(sizes, change[places], atol=0.05)
 
 
+def test_steps_are_found_to_the_noise_where_a_controller_answers_with_what_rings_behind_them() -> None:
+    """Of a body on a spring, held by a feedback of its position."""
+    rng = np.random.default_rng(4)
+    change = np.diff(np.repeat(rng.choice([-1.0, 1.0], N // 5), 5), prepend=1.0)
+    taken, force, position = np.cumsum(change), np.zeros(N), np.zeros(N)
+    for k in range(2, N):
+        position[k] = 1.9 * position[k - 1] - 0.96 * position[k - 2] + 0.02 * force[k - 1]
+        force[k] = taken[k] - 2.0 * position[k] - 8.0 * (position[k] - position[k - 1])
+    noisy = force + 1e-3 * rng.normal(size=N)
+    read = position + 1e-5 * rng.normal(size=N)
+    at = np.flatnonzero(change)
+    places, sizes = steps(noisy, (read,))
+    assert places.tolist() == at[at >= 4].tolist()
+    assert np.std(sizes - change[places]) < 1.5e-3
+
+
 def test_motion_and_noise_take_no_steps() -> None:
     rest_and_ramps = np.clip(K - 2000, 0, 30) + np.clip(np.abs(K - 3000) - 40, 0, 300) * 0.2
     for signal in (

@@ -16,13 +16,14 @@ import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.identification.explanation.commands.held_commands import with_held_commands
+from modelgen.runtime.identification.explanation.commands.rest_of_commands import rest_of
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
     late_forces,
     left_less,
     with_note,
 )
-from modelgen.runtime.identification.explanation.held_commands import with_held_commands
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LONGEST_MEAN, SHORTEST_MEAN, WHOLE_SAMPLE
 from modelgen.runtime.iv.effect import LOW_PASSES
@@ -120,8 +121,9 @@ def averaged_forces(begun: Begun) -> dict[str, float]:
     A drive averages over a sample, or over a part of one where it works faster than it is recorded.
     """
     fs = begun.task.records[0].fs
-    # one that shows as a low-pass is estimated already
+    # one that shows as a low-pass is estimated already, and means take no steps within a sample
     shown = {effect.channel for effect in begun.found.effects if effect.kind in LOW_PASSES}
+    shown |= {key for key in begun.task.job.late for one in begun.task.records if rest_of(key) in one.signals}
     late = {key: by * fs for key, by in late_forces(begun).items() if key not in shown}
     return {key: min(2.0 * by, 1.0) for key, by in late.items() if SHORTEST_MEAN < 2.0 * by < LONGEST_MEAN}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -169,12 +169,14 @@ def unexplained(one: Begun) -> bool:
     return bool(exceeding(one, LEFT_SHARE) or (noted(one.found.advice)[0] and exceeding(one)))
 
 
-def gained(before: Begun, after: Begun, recorded: Job | None = None, held: Collection[str] = ()) -> float:
+def gained(
+    before: Begun, after: Begun, recorded: Job | None = None, held: Mapping[str, float] = MappingProxyType({})
+) -> float:
     """Return by how much more likely `after` is than `before`: differences of logarithms, see `unlikely`.
 
-    `recorded` has the records of both as they were, and `held` are channels that are held in `after`. Where
-    either leaves clearly more than noise it is an error of the forces that is left, which no low-pass of a
-    sensor makes less of: misfits are compared as they are. Only samples count that both use.
+    `recorded` has the records of both as they were, and `held` says over how many samples channels are held
+    in `after`. Where either leaves clearly more than noise it is an error of the forces that is left, which
+    no low-pass of a sensor makes less of: misfits are compared as they are. Only samples count that both use.
     """
     fits = on_common_samples([before.found.fit, after.found.fit])
     if exceeding(before) and exceeding(after):
@@ -237,7 +239,7 @@ def unlikely(
     fit: Fit,
     effects: Sequence[Effect],
     sizes: Sequence[float],
-    held: Collection[str] = (),
+    held: Mapping[str, float] = MappingProxyType({}),
     moved: Mapping[int, Record] | None = None,
 ) -> float:
     """Return minus the logarithm of a fit's likelihood, each block with noise of one size.
@@ -254,7 +256,7 @@ def unlikely(
     for index, block in enumerate(fit.blocks):
         record, factor = job.records[block.record], job.choice.decimation[block.record]
         lines = noise_band(record, job.choice).frequency_hz
-        passed = {key: np.sinc(lines / record.fs) ** 2 for key in held}
+        passed = {key: np.sinc(length * lines / record.fs) ** 2 for key, length in held.items()}
         for one, size in zip(effects, sizes, strict=True):
             share = noise_passed(one, size, lines, record.fs)
             passed[one.channel] = passed.get(one.channel, 1.0) * share

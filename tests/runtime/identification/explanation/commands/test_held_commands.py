@@ -143,6 +143,50 @@ def test_whether_a_controller_is_sampled_hardly_shows_beside_binary_steps(seed: 
         assert holds(identify(SMALL, record, Auto(held=("Gamma_m",))), {"J_m": 2e-3, "J_c": 5e-3, "K": 5e-3})
 
 
+def under_feedback(often: int, delay: float = 0.0) -> Record:
+    """Return a record of a random binary force on top of a feedback that acts so many times a sample.
+
+    It follows a speed that varies, and all of it acts later by that part of a sample. Exact between changes.
+    """
+    p, n, fine = TRUTH, 4000, 8
+    rng = np.random.default_rng(11)
+    kp, kd, fs = 0.04, 1.2e-3, 1000.0
+    K = np.array([[p["K"], -p["K"]], [-p["K"], p["K"]]])
+    D = np.array([[p["F_vmc"] + p["F_vm"], -p["F_vmc"]], [-p["F_vmc"], p["F_vmc"]]])
+    weight = np.array([1.0 / p["J_m"], 1.0 / p["J_c"]])
+    A = np.zeros((5, 5))
+    A[:2, 2:4] = np.eye(2)
+    A[2:4, :4] = -weight[:, None] * np.hstack([K, D])
+    A[2, 4] = weight[0]
+    step = expm(A / (fine * fs))
+    t = np.arange(n * fine) / (fine * fs)
+    speed = 60.0 + 15.0 * np.sin(2.0 * np.pi * 1.3 * t) + 10.0 * np.sin(2.0 * np.pi * 3.1 * t + 1.0)
+    wanted = np.cumsum(speed) / (fine * fs)
+    binary = 0.02 * np.repeat(rng.choice([-1.0, 1.0], n // 8), 8 * fine)
+    x, states, acting = np.array([0.0, 0.0, 60.0, 60.0]), np.zeros((n, 4)), np.zeros(n)
+    given = [0.0] * (1 + round(delay * fine))
+    for k in range(n * fine):
+        if k % (fine // often) == 0:
+            now = binary[k] + kp * (wanted[k] - x[0]) + kd * (speed[k] - x[2])
+        given = [*given[1:], now]
+        if k % fine == 0:
+            states[k // fine], acting[k // fine] = x, given[0]
+        x = step[:4, :4] @ x + step[:4, 4] * (given[0] - p["F_sm"])
+    assert np.min(states[100:, 2]) > 5.0  # nothing reverses
+    signals = {"q_m": states[100:, 0], "q_c": states[100:, 1], "Gamma_m": acting[100:]}
+    noisy = {key: one + NOISE[key] * rng.standard_normal(len(one)) for key, one in signals.items()}
+    return Record(noisy, fs, "followed")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("often", "delay"), [(1, 0.0), (2, 0.0), (8, 0.0), (4, 0.5)])
+def test_how_often_a_controller_acts_is_found_beside_binary_steps(often: int, delay: float) -> None:
+    # taken as held, or as if it acted at once, J_m is 1 to 3 % off
+    estimate = identify(SMALL, under_feedback(often, delay))
+    assert holds(estimate, {"J_m": 3e-3, "J_c": 5e-3, "K": 5e-3, "F_vm": 0.1})
+    assert bool(told_held(estimate)) == (often == 1)
+
+
 @pytest.mark.slow
 def test_a_held_command_that_is_recorded_late_is_found() -> None:
     record = chirp(Drive(rate_hz=FS))

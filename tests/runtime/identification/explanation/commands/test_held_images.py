@@ -7,7 +7,7 @@ import pytest
 
 from generated import emps300_qm_ac
 from modelgen.cli.candidates import spec_model
-from modelgen.runtime.identification.explanation.held_images import felt_at_once, folded
+from modelgen.runtime.identification.explanation.commands.held_images import felt_at_once, folded
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.identification.options import CheckOptions

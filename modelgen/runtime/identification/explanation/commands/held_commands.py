@@ -9,45 +9,38 @@ would move stays in the intervals where the hold does not leave less.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from math import exp, log
 
 import numpy as np
 
-from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.identification.explanation.best_cutoff import at_cutoff_of
+from modelgen.runtime.identification.explanation.commands.held_images import (
+    quiet_job,
+    stepping_commands,
+)
+from modelgen.runtime.identification.explanation.commands.held_rounds import held_estimate
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
     Explained,
-    begun_at,
     delays_of,
     exceeding,
     gained,
     late_forces,
-    run_method,
     with_note,
 )
 from modelgen.runtime.identification.explanation.from_starts import with_shown_effects
-from modelgen.runtime.identification.explanation.held_images import (
-    HoldKind,
-    quiet_job,
-    stepping_commands,
-    without_images,
-)
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     CLEARLY_LESS,
     HALF_SAMPLE,
     HARDLY_MOVES,
     HARDLY_SHOWS,
-    HELD_ROUNDS,
-    HELD_SETTLED,
     LEAST_APART,
     LEAST_BEFORE,
     MOST_EXPONENT,
+    UNDONE,
 )
 from modelgen.runtime.iv.effect import LOW_PASSES
 from modelgen.runtime.iv.thresholds import AS_LIKELY
@@ -71,11 +64,12 @@ def with_held_commands(task: Task, first: Begun, told: Sequence[str], run: Calla
     """
     if told:
         held = {key: delays_of(first).get(key, 0.0) for key in told}
-        return _held(task, first, held, run)[0]
+        return held_estimate(task, first, held, run)[0]
     if not first.task.checks.drift_check:
         return first
     others = [one for one in _alternatives(task, first, run) if one.begun is not first and one.follows]
-    others.sort(key=lambda one: -one.gained(first))
+    # steps are held wherever all of a command is, and how long the rest is held has to be estimated
+    others.sort(key=lambda one: AS_LIKELY * one.further - one.gained(first))
     for place, one in enumerate(others):
         better = better_held(first, one)
         if better is not None:
@@ -95,21 +89,31 @@ def with_shown_or_held(plain: Begun, held: Begun) -> Begun:
     if not (forces and alike and exceeding(best)):
         return best
     other = with_shown_effects(plain, holds_known=True)
-    return best if gained(other, best, quiet_job(other.task), forces) > 0.0 else other
+    return best if gained(other, best, quiet_job(other.task), dict.fromkeys(forces, 1.0)) > 0.0 else other
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """An estimate with held commands, or with their steps held alone, and by how many s each is late."""
+    """An estimate with held commands, or with their steps held alone.
+
+    With by how many s each is late, and over how many samples it is held, or what is no step.
+    """
 
     begun: Begun
     late: Mapping[str, float]
+    lengths: Mapping[str, float]
     stepped: bool = False
 
     @property
     def follows(self) -> bool:
         """Whether each can be held, and late by that."""
-        return all(_follows(self.begun, key, late) for key, late in self.late.items())
+        least = 1.0 if self.stepped else 0.0
+        return all(_follows(self.begun, key, late, least) for key, late in self.late.items())
+
+    @property
+    def further(self) -> int:
+        """How many numbers are estimated beside the parameters: how long each is held where no step is."""
+        return len(self.late) if self.stepped else 0
 
     @property
     def surprise(self) -> float:
@@ -125,24 +129,25 @@ class Held:
 
     def gained(self, first: Begun) -> float:
         """Return by how much more likely it is than `first`, which has the records without a hold."""
-        return gained(first, self.begun, quiet_job(first.task), () if self.stepped else self.late)
+        return gained(first, self.begun, quiet_job(first.task), self.lengths)
 
 
 def _alternatives(task: Task, first: Begun, run: Callable[[Task], Begun]) -> Iterator[Held]:
     held = held_commands(first)
     if held:
-        yield Held(*_held(_holding(task, tuple(held)), first, held, run))
-    stepping = dict.fromkeys(stepping_commands(task), 0.0)
+        yield Held(*held_estimate(_holding(task, tuple(held)), first, held, run))
+    beside, fs = late_forces(first), first.task.records[0].fs
+    stepping = {key: beside[key] + 0.5 / fs if key in beside else 0.0 for key in stepping_commands(task)}
     if stepping:
-        yield Held(*_held(task, first, stepping, run, stepped=True), stepped=True)
+        yield Held(*held_estimate(task, first, stepping, run, stepped=True), stepped=True)
 
 
 def _or_other(better: Begun, by: float, others: Sequence[Held], first: Begun) -> Begun:
     """Return an estimate with what alternatives move in its drift, as far as these are as likely.
 
     What a controller adds to a binary command is nearly a sum of the columns: whether that is held as well
-    shows in other motions only. The mean square is that of the mixture of both (Hoeting et al. 1999), with
-    odds as uncertain as likelihoods are; the estimate is `by` so much more likely than `first`.
+    shows in other motions only. The mean square about the estimate is that of the mixture of both (Hoeting et
+    al. 1999), with odds as uncertain as likelihoods are; the estimate is by so much more likely than `first`.
     """
     for other in others:
         fit, found = other.begun.found.fit, better.found
@@ -158,41 +163,10 @@ def _or_other(better: Begun, by: float, others: Sequence[Held], first: Begun) ->
             f"how {keys} acts between its samples hardly shows: the intervals hold what may be; if the "
             f"controller is sampled all of it is held (--held {keys})"
         )
-        better = with_note(better, note, found.drift + chance * (1.0 - chance) * np.outer(move, move))
+        better = with_note(
+            better, note, found.drift + chance * (np.outer(move, move) + other.begun.found.drift)
+        )
     return better
-
-
-def _held(
-    task: Task, first: Begun, held: Mapping[str, float], run: Callable[[Task], Begun], stepped: bool = False
-) -> tuple[Begun, Mapping[str, float]]:
-    """Return an estimate without images, and by how many s each command is late then.
-
-    What was estimated first where there is none.
-    """
-    task, known = at_cutoff_of(task, first.task), first
-    # nothing else is looked for until images are nearly right: that takes most of the time
-    plain = partial(run_method, method=first.task.method)
-    with suppress(IdentifiabilityError, DataError):
-        known, held = _without_images(task, known, held, plain, stepped)
-    try:
-        return _without_images(task, known, held, run, stepped)
-    except (IdentifiabilityError, DataError):
-        return first, held
-
-
-def _without_images(
-    task: Task, known: Begun, held: Mapping[str, float], run: Callable[[Task], Begun], stepped: bool
-) -> tuple[Begun, Mapping[str, float]]:
-    """Return an estimate that is made, round by round, without the images of the one before, and delays."""
-    for _ in range(HELD_ROUNDS):
-        again = run(begun_at(without_images(task, held, known, HoldKind(stepped)), known))
-        # images feel when the command changes, which shows only without them
-        late = {key: delays_of(again).get(key, delay) for key, delay in held.items()}
-        moved = max(abs(late[key] - held[key]) * again.task.records[0].fs for key in held)
-        known, held = again, late
-        if moved < HELD_SETTLED:
-            break
-    return known, held
 
 
 def held_commands(begun: Begun) -> dict[str, float]:
@@ -210,12 +184,12 @@ def held_commands(begun: Begun) -> dict[str, float]:
     }
 
 
-def _follows(begun: Begun, key: str, late: float) -> bool:
+def _follows(begun: Begun, key: str, late: float, seen: float) -> bool:
     """Tell whether a command, or its steps, can be held, and late by so many s beside that.
 
     A lag that is estimated beside the hold is late, too: together they cannot take longer than the command
     does, which acts after it is given. Where they do, the lag alone is what was taken for a hold. A low-pass
-    in the reading of what is held undoes the hold.
+    in the reading of what is held undoes the hold. Steps between samples are `seen` by up to so many later.
     """
     found, fs = begun.found, begun.task.records[0].fs
     sizes = {
@@ -226,7 +200,8 @@ def _follows(begun: Begun, key: str, late: float) -> bool:
     if late * fs > 1.0:  # recorded late: when it was given is not known
         return not sizes
     lag = sum(effect.samples(size, fs) for effect, size in sizes.items() if effect.kind == "lag")
-    return all(size < 0.0 for size in sizes.values()) and -late * fs > lag - LEAST_BEFORE
+    undone = UNDONE / (24.0 * fs**2)
+    return all(size < undone for size in sizes.values()) and seen - late * fs > lag - LEAST_BEFORE
 
 
 def _holding(task: Task, channels: tuple[str, ...]) -> Task:
@@ -254,7 +229,7 @@ def better_held(begun: Begun, other: Held) -> Begun | None:
     held, channels = other.begun, tuple(other.late)
     before, after = begun.found.fit, held.found.fit
     more = other.gained(begun)
-    fewer = len(begun.found.effects) - len(held.found.effects)
+    fewer = len(begun.found.effects) - len(held.found.effects) - other.further
     allowed = AS_LIKELY * (1 + fewer if fewer >= 0 else fewer) + other.surprise
     if _late_as_effect(begun.found, held.found, channels):
         allowed = max(allowed, -log(CLEARLY_LESS) * before.count)

@@ -23,6 +23,7 @@ from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.errors import DataError, IdentifiabilityError, listed
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.identification.cutoffs.choose_cutoff import with_predicted_cutoff
+from modelgen.runtime.identification.explanation.commands.rest_of_commands import held_for, rest_of
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
     delays_of,
@@ -36,11 +37,10 @@ from modelgen.runtime.identification.thresholds import FELT_AT_ONCE, HALF_SAMPLE
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.thresholds import AS_LIKELY
 from modelgen.runtime.least_squares.delays import advanced, with_holds
-from modelgen.runtime.least_squares.time_shifts import behind, hold, steps_only
+from modelgen.runtime.least_squares.time_shifts import behind, hold, plus, shift, steps_only
 from modelgen.runtime.model.chain_matrices import body_inertias
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.matrix_exponential import matrix_exponential
-from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.plant import Plant, felt_accelerations, make_plant, possible
 
@@ -51,14 +51,15 @@ class HoldKind:
 
     Attributes
     ----------
-    stepped : bool
-        Records have the commands as they are, and only the steps that these take are to be held.
+    rest : mapping of str to float, optional
+        Records have the commands as they are, whose steps are to be held; the rest of each acts later by so
+        many halves of a sample, as its controller holds that.
     behind : int, optional
         What feels a command at once is read just after its change (0), or just before (1). None where it is
         read as rows take it, without images: behind a filter, or not at all.
     """
 
-    stepped: bool = False
+    rest: Mapping[str, float] | None = None
     behind: int | None = None
 
 
@@ -88,12 +89,16 @@ def without_images(task: Task, delays: Mapping[str, float], known: Begun, kind: 
 def _cleaned(record: Record, plant: Plant, delays: Mapping[str, float], kind: HoldKind) -> Record:
     found = [key for key in delays if key in record.signals]
     held = record
-    if kind.stepped:
+    if kind.rest is not None:
         # what a hold makes of the steps takes their place
         steps = steps_only(record, found)
         held = steps.edited({key: hold(key) for key in found})
-        more = steps.edited({key: less(key, held) for key in found})
-        record = record.edited({key: less(key, more) for key in found})
+        rest = record.edited({key: plus(key, steps, -1.0) for key in found})
+        for key in found:
+            late, later = delays[key] * record.fs, kind.rest[key]
+            rest = rest.edited({key: hold(key, held_for(later, late), later)} if later else {})
+            rest = rest.edited({key: plus(key, held), rest_of(key): shift(key, late)})
+        record = rest
     for key in found:
         record = _without(record, held, plant, key, delays[key] * record.fs, kind.behind)
     return record
@@ -115,7 +120,7 @@ def _without(record: Record, held: Record, plant: Plant, key: str, late: float, 
             if last is not None and direct:
                 response = partial(_with_direct, moved=response, direct=direct, late=late, last=last)
             image = held.edited({sensor.key: behind(key, response, abs(late), 0.0)})
-            edits[sensor.key] = less(sensor.key, image)
+            edits[sensor.key] = plus(sensor.key, image, -1.0)
     return record.edited(edits)
 
 
@@ -206,7 +211,7 @@ def _gained(
 ) -> float:
     """Return by how much more likely the estimate of a task is; nothing where there is none."""
     try:
-        return gained(plain, look(task), quiet, held)
+        return gained(plain, look(task), quiet, dict.fromkeys(held, 1.0))
     except (IdentifiabilityError, DataError):
         return -np.inf
 
@@ -217,7 +222,7 @@ def quiet_job(task: Task) -> Job:
     def quiet(record: Record) -> Record:
         keys = [key for key in stepping_commands(task) if key in record.signals]
         steps = steps_only(record, keys)
-        return record.edited({key: less(key, steps) for key in keys})
+        return record.edited({key: plus(key, steps, -1.0) for key in keys})
 
     return task.job.changed(lambda records: tuple(quiet(record) for record in records))
 
@@ -235,11 +240,6 @@ def stepping_commands(task: Task) -> list[str]:
             for record in task.job.records
         )
     ]
-
-
-def less(key: str, other: Record) -> Edit:
-    """Return a channel less that of another record."""
-    return Edit(key, lambda samples, start: samples - other.read(key, start, start + len(samples)))
 
 
 def folded(
