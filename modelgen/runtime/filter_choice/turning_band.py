@@ -19,6 +19,7 @@ from modelgen.runtime.filter_choice.thresholds import (
     SWALLOWED_TURNS,
     TURNING_ORDER,
     TURNS_CLEARLY,
+    WHOLE_SPEED,
 )
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
@@ -68,7 +69,7 @@ def direction_cutoff(
     if not model.is_arm:
         dynamics = dynamics_hz or cutoff_hz
         if ends_hz and ends_hz > FASTER_ENDS * dynamics and cutoff_hz >= dynamics:
-            return ends_hz
+            return WHOLE_SPEED * ends_hz
         return min(dynamics, cutoff_hz)
     if isinstance(model.kernel, DeflectedKernel) and model.kernel.speeds:
         return cutoff_hz
