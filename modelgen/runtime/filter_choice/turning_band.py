@@ -69,7 +69,8 @@ def direction_cutoff(
     if not model.is_arm:
         dynamics = dynamics_hz or cutoff_hz
         if ends_hz and ends_hz > FASTER_ENDS * dynamics and cutoff_hz >= dynamics:
-            return WHOLE_SPEED * ends_hz
+            widest_hz = HIGHEST_CUTOFF * min(record.fs for record in records)
+            return max(min(WHOLE_SPEED * ends_hz, widest_hz), min(dynamics, cutoff_hz))
         return min(dynamics, cutoff_hz)
     if isinstance(model.kernel, DeflectedKernel) and model.kernel.speeds:
         return cutoff_hz

@@ -63,6 +63,7 @@ def test_the_end_of_a_chirp_reverses_too() -> None:
     assert choice.dynamics_hz is not None
     assert choice.dynamics_hz < 75.0  # Hann's window leaves little of the last second
     assert choice.direction_cutoff_hz > 110.0  # a speed that is halved may not reverse where the body does
+    assert choose_filter(chain, [chirp(chain, 450.0)]).direction_cutoff_hz == 0.4 * FS
     low_hz = 0.5 * choice.dynamics_hz  # noise, say, allows no more
     assert choose_filter(chain, [chirp(chain, 100.0)], cutoff_hz=low_hz).direction_cutoff_hz == low_hz
 
