@@ -7,7 +7,7 @@ jump stands out in a high difference.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import comb
 
 import numpy as np
@@ -66,12 +66,14 @@ def steps(samples: FloatArray, others: Sequence[FloatArray] = ()) -> tuple[IntAr
         taken = np.zeros(len(samples))
         taken[places] = sizes
         new = taken + _unpredicted(samples - np.cumsum(taken), (samples, *others) if done else others)
-        places = _stepping(samples, new)
+        before, places = places, _stepping(samples, new)
         if not places.size:
             return places, np.zeros(0)
         plain, change = _plain_sizes(samples, places)
         usual = [float(np.median(np.abs(one))) for one in (new[STEP_ORDER:], np.diff(change))]
         sizes = new[places] if done and usual[0] < usual[1] else plain
+        if done and np.array_equal(places, before):
+            break
     return places, sizes
 
 
@@ -110,22 +112,31 @@ def _unpredicted(samples: FloatArray, others: Sequence[FloatArray]) -> FloatArra
     that leaves least of what is no step. It answers what sensors read, and of a mode that rings behind every
     step they tell more than its own samples.
     """
-    past = [np.ones(len(samples) - STEP_ORDER)]
-    for channel in (samples, *others):
+    now = samples[STEP_ORDER:]
+    few = slice(None, None, -(-len(now) // STEP_ROWS))
+    some, wanted = [np.ones(len(now[few])), *(one[few] for one in _before((samples, *others)))], now[few]
+    sizes = np.array([float(np.linalg.norm(one)) or 1.0 for one in some])
+    rows, usual, share = np.column_stack(some) / sizes, np.ones(len(wanted), dtype=bool), sizes
+    for _ in range(STEP_ROUNDS):
+        share = np.linalg.lstsq(rows[usual], wanted[usual], rcond=None)[0]
+        size, before = np.abs(wanted - rows @ share), usual
+        usual = size <= STEP_NOISE * float(np.median(size)) / MEDIAN_OF_NORMAL
+        if np.array_equal(usual, before):
+            break
+    share = share / sizes
+    left = np.concatenate([np.zeros(STEP_ORDER), now - share[0]])
+    for part, one in zip(share[1:], _before((samples, *others)), strict=True):
+        left[STEP_ORDER:] -= part * one
+    return left
+
+
+def _before(channels: Sequence[FloatArray]) -> Iterator[FloatArray]:
+    """Yield the sample before of each channel, and its differences, shape (n - STEP_ORDER,) each."""
+    for channel in channels:
         change = channel
         for order in range(STEP_ORDER):
-            known = change[STEP_ORDER - 1 - order : -1]
-            past.append(known / (float(np.linalg.norm(known)) or 1.0))
+            yield change[STEP_ORDER - 1 - order : -1]
             change = np.diff(change)
-    rows, now = np.column_stack(past), samples[STEP_ORDER:]
-    few = slice(None, None, -(-len(now) // STEP_ROWS))
-    some, wanted = rows[few], now[few]
-    usual, left = np.ones(len(wanted), dtype=bool), now
-    for _ in range(STEP_ROUNDS):
-        left = now - rows @ np.linalg.lstsq(some[usual], wanted[usual], rcond=None)[0]
-        size = np.abs(left[few])
-        usual = size <= STEP_NOISE * float(np.median(size)) / MEDIAN_OF_NORMAL
-    return np.concatenate([np.zeros(STEP_ORDER), left])
 
 
 def _usual_near(sizes: FloatArray, places: IntArray) -> FloatArray:

@@ -55,7 +55,7 @@ STEP_ORDER, STEP, STEP_APART, MOST_STEPPING = 4, 10.0, 6, 0.3
 # more than so many deviations.
 BEND_BACK, STEP_SHARE, STEP_ROUNDS, STEP_NOISE = 0.25, 0.5, 6, 3.0
 # How samples are predicted is found from so many, at most; and so often, each time without the steps known.
-STEP_ROWS, STEP_PASSES = 10_000, 4
+STEP_ROWS, STEP_PASSES = 5_000, 4
 
 # A reading that begins again after a turn jumps by more than this share of its range, and its other steps
 # are no larger than that; with the turns added, no second difference is so many times the largest elsewhere.
