@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from numbers import Integral
 
 from modelgen.errors import DataError
@@ -39,7 +38,7 @@ from modelgen.runtime.filter_choice.explain import (
     quiet_sentence,
     seen_sentence,
 )
-from modelgen.runtime.filter_choice.motion_band import Band, band_sentence, highest_dynamics_hz, record_band
+from modelgen.runtime.filter_choice.motion_band import Band, band_sentence, record_band
 from modelgen.runtime.filter_choice.record_length import decimation_for, fewest_samples, fitting_cutoff
 from modelgen.runtime.filter_choice.thresholds import (
     ARM_BAND,
@@ -117,11 +116,11 @@ def choose_filter(
     }
     _check_options(model, records, hertz, filter_order, decimation)
     highest = highest_derivatives(model, records)
-    silent = [
-        [one.channel for one in highest if not one.spectra[index].lines] for index in range(len(records))
-    ]
-    bands = tuple(map(partial(record_band, model), records, silent))
-    dynamics = highest_dynamics_hz(bands)
+    bands = tuple(
+        record_band(model, record, [one.channel for one in highest if not one.spectra[index].lines])
+        for index, record in enumerate(records)
+    )
+    dynamics = max((band.dynamics_hz for band in bands if band.dynamics_hz is not None), default=None)
     sentences = [band_sentence(band, "speed" if model.is_arm else "acceleration") for band in bands]
     order = filter_order if filter_order is not None else least_order(model)
     notes: list[str] = []
@@ -145,8 +144,7 @@ def choose_filter(
     said, lost = _seen(highest, cutoff, order)
     sentences += said
     notes += lost
-    ends = highest_dynamics_hz(map(partial(record_band, model, ends=True), records, silent))
-    direction = float(direction_cutoff_hz or direction_cutoff(model, records, cutoff, dynamics, ends))
+    direction = float(direction_cutoff_hz or direction_cutoff(model, records, cutoff, dynamics))
     sentences.append(paper or direction_sentence(direction, direction_cutoff_hz is not None))
     wide, said = _signal_cutoff(model, records, cutoff, dynamics, signal_cutoff_hz)
     sentences += said

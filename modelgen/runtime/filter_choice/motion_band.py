@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from modelgen.runtime.filter_choice.thresholds import DYNAMICS_SHARE, FORCE_SHARE
@@ -25,33 +25,28 @@ class Band:
     body: str | None
 
 
-def record_band(model: Model, record: Record, noise_only: Collection[str] = (), ends: bool = False) -> Band:
+def record_band(model: Model, record: Record, noise_only: Collection[str] = ()) -> Band:
     """Return what one record excites: steps 1 and 2 of the rule.
 
     A body of which nothing but noise is read (`noise_only` names such channels) sets no dynamics, unless
-    there is nothing else. With `ends`, what a chirp is at its end counts as what it is in its middle.
+    there is nothing else.
     """
     half = 0.5 * record.fs
     used = [actuator.key for actuator in model.actuators if actuator.key in record.signals]
-    limits = [band_limit_hz(*record.facts.power(key, ends=ends), FORCE_SHARE, half) for key in used]
+    limits = [band_limit_hz(*record.facts.power(key), FORCE_SHARE, half) for key in used]
     force_hz = max((limit for limit in limits if limit is not None), default=half)
     best = _best_sensors(model)
     shown = {name: sensor for name, sensor in best.items() if sensor.key not in noise_only}
     found: list[tuple[float, str]] = []
     for name, sensor in (shown or best).items():
         # lines of an encoder are most of an acceleration at high frequencies, but little of a speed
-        spectrum = record.facts.power(sensor.key, (1 if model.is_arm else 2) - sensor.order, ends=ends)
+        spectrum = record.facts.power(sensor.key, (1 if model.is_arm else 2) - sensor.order)
         limit = band_limit_hz(*spectrum, DYNAMICS_SHARE, force_hz)
         if limit:
             found.append((limit, name))
     # a chain's bodies move together; each joint of an arm moves by itself
     dynamics_hz, body = (max if model.is_arm else min)(found, default=(None, None))
     return Band(record.name, force_hz, dynamics_hz, body)
-
-
-def highest_dynamics_hz(bands: Iterable[Band]) -> float | None:
-    """Return the highest dynamics of some records; None where nothing moves."""
-    return max((band.dynamics_hz for band in bands if band.dynamics_hz is not None), default=None)
 
 
 def _best_sensors(model: Model) -> dict[str, Sensor]:

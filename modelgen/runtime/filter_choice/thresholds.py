@@ -35,9 +35,6 @@ TURNS_CLEARLY = 0.1
 # A lower band does as well where a speed reverses in it no later, on average, than so many deviations of that
 # mean, of at least so many reversals; and where it swallows less than this share of them.
 LATE_BY_CHANCE, FEWEST_TURNS, SWALLOWED_TURNS = 3.0, 10, 0.1
-# Records of chains are faster at their ends (chirps) where bodies move up to so many times the frequency.
-# A low-pass so many times as wide leaves such a speed whole: halved, it may not reverse where the body does.
-FASTER_ENDS, WHOLE_SPEED = 1.1, 1.3
 # Order of the low-pass of one pass with which that is looked at.
 TURNING_ORDER = 2
 # The cut-off, as a share of the new Nyquist frequency.

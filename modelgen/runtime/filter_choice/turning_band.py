@@ -12,14 +12,12 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.thresholds import (
-    FASTER_ENDS,
     FEWEST_TURNS,
     HIGHEST_CUTOFF,
     LATE_BY_CHANCE,
     SWALLOWED_TURNS,
     TURNING_ORDER,
     TURNS_CLEARLY,
-    WHOLE_SPEED,
 )
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
@@ -50,16 +48,9 @@ def turning_band_hz(acceleration: float, noise: float, derivative: int, fs: floa
 
 
 def direction_cutoff(
-    model: Model,
-    records: Sequence[Record],
-    cutoff_hz: float,
-    dynamics_hz: float | None,
-    ends_hz: float | None = None,
+    model: Model, records: Sequence[Record], cutoff_hz: float, dynamics_hz: float | None
 ) -> float:
     """Return the cut-off in Hz of velocities whose signs are directions, from that of the rows and dynamics.
-
-    `ends_hz` is up to where bodies move at the ends of records, too: rows do without what a chirp is at its
-    end, but not without its reversals, unless noise keeps them below the dynamics.
 
     Of arms it is the lowest one at which no sensed speed reverses later than in the band in which all of them
     show when they reverse: where friction bends the motion of a joint, that band itself; where it does not,
@@ -67,11 +58,7 @@ def direction_cutoff(
     these hold far more noise. What of a chain's velocities is beyond the dynamics is not known to be motion.
     """
     if not model.is_arm:
-        dynamics = dynamics_hz or cutoff_hz
-        if ends_hz and ends_hz > FASTER_ENDS * dynamics and cutoff_hz >= dynamics:
-            widest_hz = HIGHEST_CUTOFF * min(record.fs for record in records)
-            return max(min(WHOLE_SPEED * ends_hz, widest_hz), min(dynamics, cutoff_hz))
-        return min(dynamics, cutoff_hz)
+        return min(dynamics_hz or cutoff_hz, cutoff_hz)
     if isinstance(model.kernel, DeflectedKernel) and model.kernel.speeds:
         return cutoff_hz
     found, keys, turning = [], frozenset(model.direction_keys), []

@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.filters.thresholds import NOISE_FACTOR, NOISE_FROM, TAPERED
+from modelgen.runtime.filters.thresholds import NOISE_FACTOR, NOISE_FROM
 
 
 def power_spectrum(
-    samples: FloatArray, fs: float, derivative: int = 0, keep_mean: bool = False, ends: bool = False
+    samples: FloatArray, fs: float, derivative: int = 0, keep_mean: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Return the power spectrum of a derivative (or integral), Hann-windowed and cleared of white noise.
 
@@ -29,8 +29,6 @@ def power_spectrum(
         Derivative to take; negative integrates.
     keep_mean : bool
         Keep the mean (a constant velocity); otherwise it is removed before the window.
-    ends : bool
-        Take the ends in, of which Hann's window leaves little: a chirp is fastest there.
 
     Returns
     -------
@@ -45,7 +43,7 @@ def power_spectrum(
         differenced = differenced - differenced.mean()
     n = len(differenced)
     size = quick_length(n)
-    power = square(np.fft.rfft(differenced * (flat(n) if ends else hann(n)), size))
+    power = square(np.fft.rfft(differenced * hann(n), size))
     frequency_hz, _ = lines_of(size, fs)
     of_differences, of_derivative = _powers_of(size, fs, derivative)
     # the power of the reading itself, in which the noise is white
@@ -92,16 +90,6 @@ def _powers_of(size: int, fs: float, derivative: int) -> tuple[FloatArray, Float
 def hann(n: int) -> FloatArray:
     """Return Hann's window for a stretch of n samples, shape (n,), not to be changed."""
     window = np.asarray(0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / max(n, 1)))
-    window.flags.writeable = False
-    return window
-
-
-@lru_cache(maxsize=8)
-def flat(n: int) -> FloatArray:
-    """Return a window for n samples that tapers at its ends only, shape (n,), not to be changed."""
-    window, ramp = np.ones(n), round(TAPERED * n)
-    rise = hann(2 * ramp)
-    window[:ramp], window[n - ramp :] = rise[:ramp], rise[ramp:]
     window.flags.writeable = False
     return window
 

@@ -30,8 +30,6 @@ LEAST_TREND = 20.0
 NOISE_FROM = 0.8
 # power counts where it is this many times above it: of a million bins of noise, about one is.
 NOISE_FACTOR = 20.0
-# A window that takes the ends of a stretch in rises over this share of it, and falls.
-TAPERED = 0.05
 
 # standing still: this share of the velocity's 99th percentile
 STANDSTILL_SHARE = 0.005

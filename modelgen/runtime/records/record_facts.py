@@ -231,17 +231,16 @@ class RecordFacts:
             yield low + places[inside], sizes[inside]
 
     def power(
-        self, channel: str, derivative: int = 0, keep_mean: bool = False, ends: bool = False
+        self, channel: str, derivative: int = 0, keep_mean: bool = False
     ) -> tuple[FloatArray, FloatArray]:
         """Return frequencies in Hz and power of a derivative, shape (lines,) each, see `power_spectrum`."""
-        how = derivative, keep_mean, ends
 
         def make() -> tuple[FloatArray, FloatArray]:
             fs = self._source.fs
-            found = self._of_stretches(channel, lambda part: power_spectrum(part, fs, *how))
+            found = self._of_stretches(channel, lambda part: power_spectrum(part, fs, derivative, keep_mean))
             return found[0][0], np.mean([power for _, power in found], axis=0)
 
-        return self._once(channel, ("power", *how), make)
+        return self._once(channel, ("power", derivative, keep_mean), make)
 
     def _of_stretches(self, channel: str, work: Callable[[FloatArray], Made]) -> list[Made]:
         """Return what a function makes of the stretches of a channel; several threads take one each."""

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from generated import emps_rigid_qm
-from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.filter_choice.turning_band import direction_cutoff, turning_band_hz, turns_late
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.model.model import Model, model_from_module
@@ -46,26 +45,6 @@ def test_joints_turn_as_fast_as_their_encoders_tell() -> None:
     assert direction_cutoff(arm, [swinging(arm, 1e-5), swinging(arm, 1e-3)], 10.0, 2.0) == loud
     assert direction_cutoff(arm, [swinging(arm, 1.0)], 10.0, 2.0) == 10.0
     assert direction_cutoff(chain, [swinging(chain, 1e-5)], 10.0, 2.0) == 2.0
-
-
-def chirp(model: Model, last_hz: float) -> Record:
-    """Return accelerations of one size from 0.5 Hz on, in so many octaves a second, for eight seconds."""
-    t, rate = np.arange(8000) / FS, np.log(last_hz / 0.5) / 8.0
-    omega = np.pi * np.exp(rate * t)
-    acceleration = np.sin((omega - np.pi) / rate)
-    signals = dict.fromkeys(model.channels, acceleration)
-    return Record(signals | {one.key: -acceleration / omega**2 for one in model.sensors}, FS)
-
-
-def test_the_end_of_a_chirp_reverses_too() -> None:
-    chain = model_from_module(emps_rigid_qm)
-    choice = choose_filter(chain, [chirp(chain, 100.0)])
-    assert choice.dynamics_hz is not None
-    assert choice.dynamics_hz < 75.0  # Hann's window leaves little of the last second
-    assert choice.direction_cutoff_hz > 110.0  # a speed that is halved may not reverse where the body does
-    assert choose_filter(chain, [chirp(chain, 450.0)]).direction_cutoff_hz == 0.4 * FS
-    low_hz = 0.5 * choice.dynamics_hz  # noise, say, allows no more
-    assert choose_filter(chain, [chirp(chain, 100.0)], cutoff_hz=low_hz).direction_cutoff_hz == low_hz
 
 
 def test_speeds_that_springs_give_turn_behind_the_cut_off_of_the_rows() -> None:
