@@ -163,9 +163,8 @@ def _or_other(better: Begun, by: float, others: Sequence[Held], first: Begun) ->
             f"how {keys} acts between its samples hardly shows: the intervals hold what may be; if the "
             f"controller is sampled all of it is held (--held {keys})"
         )
-        better = with_note(
-            better, note, found.drift + chance * (np.outer(move, move) + other.begun.found.drift)
-        )
+        either = np.outer(move, move) + other.begun.found.drift
+        better = with_note(better, note, (1.0 - chance) * found.drift + chance * either)
     return better
 
 
