@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import isfinite
 
 from modelgen.runtime.filter_choice.derivative_noise import HighestDerivative
+from modelgen.runtime.filter_choice.thresholds import ARM_BAND, LOWEST_SAMPLING_RATIO
+from modelgen.runtime.records.record import Record
 
 
 def order_sentence(order: int, least: int, loud: HighestDerivative | None, level_db: float) -> str:
@@ -60,6 +63,37 @@ def direction_sentence(direction_hz: float, given: bool) -> str:
     """Say below which frequency directions of motion are taken from speeds."""
     end = " as given." if given else "."
     return f"Directions of motion are the signs of velocities below {direction_hz:.4g} Hz{end}"
+
+
+def faster_sentence(cutoff_hz: float) -> str:
+    """Say that directions of faster motion count as well, up to a cut-off in Hz."""
+    return (
+        f"Where readings move faster than that, above their noise, velocities below {cutoff_hz:.4g} Hz count."
+    )
+
+
+def arm_sentence(dynamics_hz: float) -> str:
+    """Say up to which frequency what joints do to their torques counts."""
+    return (
+        f"Joints move up to {dynamics_hz:.4g} Hz; their torques hold products of motions, and friction: "
+        f"what counts is {ARM_BAND:g} times that."
+    )
+
+
+def sampling_said(
+    records: Sequence[Record], dynamics_hz: float | None
+) -> tuple[float | None, list[str], list[str]]:
+    """Return how many times faster than the dynamics is sampled, the sentence that says so, and warnings."""
+    if dynamics_hz is None:
+        return None, [], []
+    ratio = min(record.fs for record in records) / dynamics_hz
+    asked = "eq. (9) asks for 100 times the closed loop's bandwidth."
+    note = (
+        f"sampled only {ratio:.1f} times faster than the dynamics, under "
+        f"{LOWEST_SAMPLING_RATIO:.0f}: a delay of a fraction of a sample matters; sample faster"
+    )
+    notes = [note] if ratio < LOWEST_SAMPLING_RATIO else []
+    return ratio, [f"Sampling is {ratio:.0f} times the dynamics; {asked}"], notes
 
 
 def percent(level_db: float) -> str:

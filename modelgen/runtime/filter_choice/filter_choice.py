@@ -18,7 +18,7 @@ spectra for 3 and 4, `filter_sentences` says what was seen.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Integral
 
 from modelgen.errors import DataError
@@ -31,11 +31,14 @@ from modelgen.runtime.filter_choice.derivative_noise import (
     steep_enough,
 )
 from modelgen.runtime.filter_choice.explain import (
+    arm_sentence,
     direction_sentence,
+    faster_sentence,
     lost_note,
     order_sentence,
     ordinal,
     quiet_sentence,
+    sampling_said,
     seen_sentence,
 )
 from modelgen.runtime.filter_choice.motion_band import Band, band_sentence, record_band
@@ -45,12 +48,11 @@ from modelgen.runtime.filter_choice.thresholds import (
     DISTORTION,
     FEWEST_SAMPLES,
     HIGHEST_CUTOFF,
-    LOWEST_SAMPLING_RATIO,
     POWER_BANDS,
     SIGNAL_BAND,
     SIGNAL_CUTOFF,
 )
-from modelgen.runtime.filter_choice.turning_band import direction_cutoff
+from modelgen.runtime.filter_choice.turning_band import direction_cutoff, turning_noise
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
@@ -65,7 +67,8 @@ class FilterChoice:
     speeds in SI by their sensor, below which rows of the sensor's body leave samples out. `filtered_forces`
     is for the paper's procedure only, which leaves forces as they are unless asked; others filter all. With
     `between` bodies reverse between samples, and not at them; `directions` are the channels from which those
-    come that no sensor gives.
+    come that no sensor gives. `turning_noise` is the density, in unit^2/Hz, of the noise of channels whose
+    speeds are directions, where motion counts that is faster than `direction_cutoff_hz` and no noise.
     """
 
     filter_order: int
@@ -82,6 +85,7 @@ class FilterChoice:
     filtered_forces: bool = False
     between: bool = False
     directions: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    turning_noise: tuple[tuple[str, float], ...] = ()
 
     def steps_s(self, records: Sequence[Record]) -> list[float]:
         """Return the time in s between the instants that are used of each record."""
@@ -135,7 +139,7 @@ def choose_filter(
         )
     else:
         reach = dynamics * (ARM_BAND if model.is_arm else 1.0)
-        sentences += [_arm_sentence(dynamics)] if model.is_arm else []
+        sentences += [arm_sentence(dynamics)] if model.is_arm else []
         order, cutoff, explained, noted = _order_and_cutoff(
             model, records, bands, highest, reach, filter_order
         )
@@ -145,17 +149,18 @@ def choose_filter(
     sentences += said
     notes += lost
     direction = float(direction_cutoff_hz or direction_cutoff(model, records, cutoff, dynamics))
+    faster = () if paper or direction_cutoff_hz or direction >= cutoff else turning_noise(model, records)
     sentences.append(paper or direction_sentence(direction, direction_cutoff_hz is not None))
+    sentences += [faster_sentence(cutoff)] if faster else []
     wide, said = _signal_cutoff(model, records, cutoff, dynamics, signal_cutoff_hz)
     sentences += said
     factors, said = _decimations(records, decimation, cutoff)
     sentences += said
-    ratio, explained, noted = _sampling(records, dynamics)
+    ratio, explained, noted = sampling_said(records, dynamics)
     sentences += explained
     notes += noted
-    return FilterChoice(
-        order, cutoff, direction, factors, dynamics, ratio, bands, tuple(sentences), tuple(notes), wide
-    )
+    found = FilterChoice(order, cutoff, direction, factors, dynamics, ratio, bands, (), (), wide)
+    return replace(found, sentences=tuple(sentences), notes=tuple(notes), turning_noise=faster)
 
 
 def _seen(highest: Sequence[HighestDerivative], cutoff_hz: float, order: int) -> tuple[list[str], list[str]]:
@@ -178,13 +183,6 @@ def _decimations(
     ]
 
 
-def _arm_sentence(dynamics_hz: float) -> str:
-    return (
-        f"Joints move up to {dynamics_hz:.4g} Hz; their torques hold products of motions, and friction: "
-        f"what counts is {ARM_BAND:g} times that."
-    )
-
-
 def _signal_cutoff(
     model: Model,
     records: Sequence[Record],
@@ -200,22 +198,6 @@ def _signal_cutoff(
     wide = float(given or min(max(band * (dynamics_hz or 0.0), ratio * cutoff_hz), highest))
     why = "as given" if given else "far beyond the motion, which the rows are nonlinear in"
     return wide, [f"Positions are low-passed at {wide:.4g} Hz before that ({why})."]
-
-
-def _sampling(
-    records: Sequence[Record], dynamics_hz: float | None
-) -> tuple[float | None, list[str], list[str]]:
-    """Return how many times faster than the dynamics is sampled, the sentence that says so, and warnings."""
-    if dynamics_hz is None:
-        return None, [], []
-    ratio = min(record.fs for record in records) / dynamics_hz
-    asked = "eq. (9) asks for 100 times the closed loop's bandwidth."
-    note = (
-        f"sampled only {ratio:.1f} times faster than the dynamics, under "
-        f"{LOWEST_SAMPLING_RATIO:.0f}: a delay of a fraction of a sample matters; sample faster"
-    )
-    notes = [note] if ratio < LOWEST_SAMPLING_RATIO else []
-    return ratio, [f"Sampling is {ratio:.0f} times the dynamics; {asked}"], notes
 
 
 def least_order(model: Model) -> int:

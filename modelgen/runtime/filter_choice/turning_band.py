@@ -55,7 +55,8 @@ def direction_cutoff(
     Of arms it is the lowest one at which no sensed speed reverses later than in the band in which all of them
     show when they reverse: where friction bends the motion of a joint, that band itself; where it does not,
     noise in it turns friction for nothing. Where springs give some of the speeds it is that of the rows, as
-    these hold far more noise. What of a chain's velocities is beyond the dynamics is not known to be motion.
+    these hold far more noise. What of a chain's velocities is beyond the dynamics is motion where it stands
+    out of `turning_noise` only.
     """
     if not model.is_arm:
         return min(dynamics_hz or cutoff_hz, cutoff_hz)
@@ -73,6 +74,21 @@ def direction_cutoff(
             found.append(turning_band_hz(size, spectrum.noise, signal.derivative, record.fs))
     widest = min(found, default=0.0)
     return max(cutoff_hz, _as_early(records, turning, cutoff_hz, widest))
+
+
+def turning_noise(model: Model, records: Sequence[Record]) -> tuple[tuple[str, float], ...]:
+    """Return the density, in unit^2/Hz, of the noise of a chain's readings whose speeds are directions.
+
+    That of the record in which it is largest. Arms have no band beyond that of their directions.
+    """
+    if model.is_arm:
+        return ()
+    keys = frozenset(model.direction_keys)
+    channels = [one.channel for one in model.signals if one.key in keys and one.sensor is not None]
+    return tuple(
+        (channel, max(record.facts.spectrum(channel).noise for record in records))
+        for channel in dict.fromkeys(channels)
+    )
 
 
 def _as_early(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from math import ceil, sqrt
 
 import numpy as np
 
@@ -33,6 +34,10 @@ class Filtering:
         Central difference, see `modelgen.runtime.filters.fused_operator.fused_operator`.
     between : bool
         Whether directions are means over sampling periods, of motion that reverses between two samples.
+    noise : tuple of (str, float)
+        Standard deviation of the noise, white, of channels of which faster motion turns directions as well.
+    half_period : int
+        Samples of half a period of the low-pass for directions.
     """
 
     fs: float
@@ -42,6 +47,8 @@ class Filtering:
     stencil: tuple[float, ...] = EIGHTH_ORDER
     signals: Sections = ()
     between: bool = False
+    noise: tuple[tuple[str, float], ...] = ()
+    half_period: int = 0
 
     @property
     def linear(self) -> Sections:
@@ -59,7 +66,12 @@ class Filtering:
 def matched_filtering(choice: FilterChoice, fs: float, factor: int) -> Filtering:
     """Return the filtering of "wls": one Butterworth for everything, differences exact below its cut-off."""
     cutoffs = (choice.cutoff_hz, choice.direction_cutoff_hz, choice.signal_cutoff_hz)
-    return _matched_filtering(choice.filter_order, cutoffs, choice.between, fs, factor)
+    noise = choice.turning_noise if choice.direction_cutoff_hz < choice.cutoff_hz else ()
+    filtering = _matched_filtering(choice.filter_order, cutoffs, choice.between, fs, factor)
+    if not noise:
+        return filtering
+    stds = tuple((channel, sqrt(0.5 * density * fs)) for channel, density in noise)
+    return replace(filtering, noise=stds, half_period=ceil(0.5 * fs / choice.direction_cutoff_hz))
 
 
 @lru_cache(maxsize=128)  # rows are made of one change of the channels after the other

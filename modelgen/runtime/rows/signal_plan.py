@@ -25,6 +25,7 @@ from modelgen.runtime.model.given_directions import WAYS, sign_between
 from modelgen.runtime.model.model import Feature, Model
 from modelgen.runtime.rows.filter_sections import Filtering
 from modelgen.runtime.rows.kernel_lines import KernelLines, kernel_lines
+from modelgen.runtime.rows.speed_filter import SpeedFilter, speed_filter
 from modelgen.runtime.rows.thresholds import DIFFERENCE_MARGIN, ROUNDING
 
 # A few samples already tell that a derivative is more than rounding error.
@@ -61,7 +62,7 @@ class SignalPlan:
     feature_margins : tuple of int
         Samples of features that are looked at before and behind those kept.
     directions : dict
-        Velocity key to (channel, its operator at the full rate); None where the record brings the direction.
+        Velocity key to (channel, its filter at the full rate); None where the record brings the direction.
     forces : dict
         Channel of a force to {times that rows are differentiated: column of its operator's output}.
     levers : dict
@@ -88,7 +89,7 @@ class SignalPlan:
     features: dict[str, Feature]
     feature_operator: FusedOperator
     feature_margins: tuple[int, int]
-    directions: dict[str, tuple[str, FusedOperator | None]]
+    directions: dict[str, tuple[str, SpeedFilter | None]]
     forces: dict[str, dict[int, int]]
     levers: dict[str, float]
     full_rate_channels: frozenset[str]
@@ -131,10 +132,10 @@ class SignalPlan:
 
     def direction(self, stretch: PaddedStretch, key: str, start: int, stop: int) -> FloatArray:
         """Return a velocity whose sign is a direction of motion, at the full rate, shape (stop - start,)."""
-        channel, operator = self.directions[key]
-        if operator is not None:
-            return self._filtered(stretch, channel, operator, start, stop - start)[:, 0]
-        return self._checked(stretch, channel, start, stop)
+        channel, smooth = self.directions[key]
+        if smooth is None:
+            return self._checked(stretch, channel, start, stop)
+        return smooth.speed(partial(self._filtered, stretch, channel), start, stop - start)
 
     def _filtered(
         self, stretch: PaddedStretch, channel: str, operator: FusedOperator, start: int, count: int
@@ -190,11 +191,10 @@ class SignalPlan:
         return value if feature.times is None else np.asarray(value * factor)
 
     def _raw(self, key: str, stretch: PaddedStretch, start: int, stop: int) -> FloatArray:
-        signal = next(signal for signal in self.model.signals if signal.key == key)
-        stencil = self.filtering.stencil
-        margin = DIFFERENCE_MARGIN * len(stencil) * signal.derivative
+        signal, stencil = next(one for one in self.model.signals if one.key == key), self.filtering.stencil
+        margin, dt = DIFFERENCE_MARGIN * len(stencil) * signal.derivative, 1.0 / self.filtering.fs
         samples = self._checked(stretch, signal.channel, start - margin, stop + margin)
-        slope = differentiate(samples, 1.0 / self.filtering.fs, signal.derivative, stencil)
+        slope = differentiate(samples, dt, signal.derivative, stencil)
         return slope[margin : len(slope) - margin]
 
 
@@ -207,8 +207,7 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
     DataError
         When a filter is too slow for its sampling frequency.
     """
-    used = _used_keys(model)
-    kernel = kernel_lines(model, filtering, fast)
+    used, kernel = _used_keys(model), kernel_lines(model, filtering, fast)
 
     def operator(sections: Sections, orders: tuple[int, ...], factor: int) -> FusedOperator:
         return fused_operator(sections, filtering.fs, orders, factor, filtering.stencil, fast=fast)
@@ -231,12 +230,13 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
     formed = {source for source, _ in kernel.inputs} if kernel else set()
     features = {feature.key: feature for feature in model.features if feature.key in used | formed}
     feature_operator = operator(filtering.linear, (0,), filtering.factor)
-    directions: dict[str, tuple[str, FusedOperator | None]] = {}
+    directions: dict[str, tuple[str, SpeedFilter | None]] = {}
     direction_keys = frozenset(model.direction_keys)
     for signal in model.signals:
         if signal.key in direction_keys:
             brought = signal.sensor is None and signal.actuator is None
-            smooth = None if brought else operator(filtering.directions, (signal.derivative,), 1)
+            speed = partial(operator, orders=(signal.derivative,), factor=1)
+            smooth = None if brought else speed_filter(filtering, signal.channel, speed)
             directions[signal.key] = (signal.channel, smooth)
     deepest = DIFFERENCE_MARGIN * len(filtering.stencil) * deepest_derivative(model)
     of_directions = [one.margins for _, one in directions.values() if one is not None]
@@ -246,7 +246,7 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
     full_rate = np.max([(deepest, deepest), *of_directions], axis=0) + reach
     inner = [one.margins for one in operators.values()] + ([kernel.margins] if kernel else [])
     margins = np.max([full_rate, *inner], axis=0)
-    # a constant times one pass forward and one backward
+    # of a constant, one pass forward and one backward
     gain = float(squared_gain(np.asarray(filtering.linear, dtype=float), np.zeros(1))[0])
     return SignalPlan(
         model,
@@ -269,11 +269,13 @@ def signal_plan(model: Model, filtering: Filtering, fast: bool | None = None) ->
 
 
 def _full_rate_channels(
-    model: Model, directions: dict[str, tuple[str, FusedOperator | None]]
+    model: Model, directions: dict[str, tuple[str, SpeedFilter | None]]
 ) -> frozenset[str]:
     """Return the channels that directions and features are formed from."""
-    channel = {signal.key: signal.channel for signal in model.signals}
-    found = [name for name, _ in directions.values()]
+    channel, found = (
+        {one.key: one.channel for one in model.signals},
+        [name for name, _ in directions.values()],
+    )
     found += [source for source, _ in (model.kernel.reads if model.kernel else ())]
     for feature in model.features:
         keys = [feature.of] if isinstance(feature.of, str) else [key for _, key in feature.of]

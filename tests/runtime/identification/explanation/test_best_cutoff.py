@@ -51,7 +51,7 @@ def deviations(begun: Begun) -> np.ndarray:
 
 
 def test_from_a_cutoff_that_reversals_empty_instruments_go_to_one_that_knows_more() -> None:
-    first = begun_at(30.0)
+    first = begun_at(35.0)
     best = at_best_cutoff(first)
     assert best.task.choice.cutoff_hz > 1.3 * first.task.choice.cutoff_hz
     assert best.task.job.choice is best.task.choice
@@ -84,7 +84,7 @@ def test_only_where_every_sample_feels_a_reversal_higher_cutoffs_are_yielded() -
     first = task_at(6.0)
     found = [task.choice.cutoff_hz for task in calmer(first)]
     assert len(found) == 2 and found[0] > first.choice.cutoff_hz
-    assert not list(calmer(task_at(30.0)))
+    assert not list(calmer(task_at(40.0)))
     assert not list(calmer(task_at(6.0, given=True)))
 
 

@@ -45,7 +45,6 @@ def sines(force_noise: float) -> Record:
 
 def test_friction_is_known_where_what_moves_most_is_at_the_end_of_the_band() -> None:
     found = identify(SMALL, sines(1e-3))
-    assert any(one.endswith("rows leave more with a narrower band.") for one in found.fit.filtering.sentences)
     for name, value in TRUTH.items():
         assert abs(found.params[name] - value) < 3.5 * found.bse[name]
     # behind a low-pass at 167 Hz viscous friction was 38 % too large, stated as 38 %, and the load 13 %
@@ -55,7 +54,6 @@ def test_friction_is_known_where_what_moves_most_is_at_the_end_of_the_band() -> 
 
 def test_noise_behind_a_high_cutoff_does_not_hide_it() -> None:
     found = identify(SMALL, sines(1e-3), filters=Filters(cutoff_hz=1000.0))
-    assert any(one.endswith("rows leave more with a narrower band.") for one in found.fit.filtering.sentences)
     assert abs(found.params["F_vm"] - TRUTH["F_vm"]) < 3.5 * found.bse["F_vm"]
     # judged behind 1 kHz the narrow band stayed, at twice that error
     assert found.bse["F_vm"] < 0.04 * TRUTH["F_vm"]
@@ -81,7 +79,6 @@ def test_reversals_that_a_low_pass_swallows_are_seen_in_a_wider_band() -> None:
     chirp, noise = Excitation(path, rate, force, 8000.0, "chirp"), {"v_m": 0.01, "v_c": 0.01, "T": 0.02}
     speed = PositionVelocityController(0.0, 1.5)
     found = identify(model, simulate(model, WINDER, chirp, fs=1000.0, controller=speed, noise=noise).record)
-    assert any(one.endswith("rows leave more with a narrower band.") for one in found.fit.filtering.sentences)
     assert not [one for one in found.checks.advice if one.kind == "more than noise"]
     for name, value in WINDER.items():
         assert abs(found.params[name] - value) < 3.5 * found.bse[name]
