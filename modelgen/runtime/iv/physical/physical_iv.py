@@ -29,7 +29,7 @@ from modelgen.runtime.iv.physical.gauss_newton_step import (
     possible_solution,
     step_from,
 )
-from modelgen.runtime.iv.physical.starting_values import vanished_names
+from modelgen.runtime.iv.physical.starting_values import refuse_emptied, vanished_names
 from modelgen.runtime.iv.thresholds import (
     COMPOSITE_MOVE,
     COMPOSITE_ROUNDS,
@@ -166,6 +166,7 @@ def fit_physical_iv(
         hopeless = spread > HOPELESS * np.r_[np.abs(x[:c]), np.full(late + len(now.sizes), np.inf)]
         if near and done > 1 and np.all((np.abs(move) <= small) | hopeless):
             lost, fit = _lost(setting, now, spread[: c + late]), in_base_columns(step, now, done)
+            refuse_emptied(model, first, now.p, lost, plain)
             if late and fit.carried is not None:
                 fit = replace(fit, carried=replace(fit.carried, unknown=lost))
             return Found(observation, fit, now.p, x[:c], lost, _below_zero(model, x[:c], spread[:c]))

@@ -15,6 +15,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError, ModelgenError
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
+from modelgen.runtime.iv.divergence import diverged
 from modelgen.runtime.iv.held_motion import nearest_sensor
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.output_error import fit_response
@@ -165,6 +166,36 @@ def vanished_names(model: Model, values: Mapping[str, float]) -> tuple[str, ...]
         and model.roles[name].role in MOVING
         and (gone.intersection(model.roles[name].bodies) or possible(model, values)[name] != values[name])
     )
+
+
+def refuse_emptied(model: Model, first: FloatArray, p: FloatArray, lost: Sequence[str], fit: Fit) -> None:
+    """Raise the error of steps that leave next to nothing of a body that sensors show, and know none of it.
+
+    Nothing solves the balance of a body that no actuator pushes, too, and a fit that ends there is that of a
+    rigid chain: what it has for the motor's inertia is all of it, with the small deviation of that.
+
+    Parameters
+    ----------
+    model : Model
+    first, p : array, shape (parameters,)
+        Where the steps began, and where they came to rest, in SI. What is next to nothing at first is small.
+    lost : sequence of str
+        What is not known at p.
+    fit : Fit
+        The rows there.
+
+    Raises
+    ------
+    IdentifiabilityError
+    """
+    before, after = (dict(zip(model.parameters, one.tolist(), strict=True)) for one in (first, p))
+    small, sensed = vanished_names(model, before), {sensor.body for sensor in model.sensors}
+    inertias = [name for name in lost if name in model.roles and model.roles[name].role == "inertia"]
+    gone = [name for name in vanished_names(model, after) if name in inertias and name not in small]
+    bodies = [body for name in gone for body in model.roles[name].bodies if body in sensed]
+    if bodies:
+        what = f"all parameters of {', '.join(bodies)} go to zero, which solves a balance without a force"
+        raise diverged(what, fit, model)
 
 
 def _with_tried(
