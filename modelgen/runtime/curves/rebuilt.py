@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -140,10 +141,12 @@ def _observed(model: Model, records: Sequence[Record], estimate: Estimate) -> tu
         found = observe_paper(model, moved, choice)
         return found, found
     used = {(entry.record, entry.row): entry.used for entry in estimate.fit.rows}
-    observation, turns = observe(model, moved, choice), True
-    counts = {(block.record_name, block.row_name): len(block.place) for block in observation.blocks}
-    if any(counts[key] != used[key] for key in counts.keys() & used.keys()):
-        observation, turns = observe(model, moved, choice, turns=False), False
+    ways: tuple[bool | Literal["open"], ...] = ("open", True, False)
+    for way in ways:
+        observation, turns = observe(model, moved, choice, turns=way), way is not False
+        counts = {(block.record_name, block.row_name): len(block.place) for block in observation.blocks}
+        if all(counts[key] == used[key] for key in counts.keys() & used.keys()):
+            break
     return observation, without_uncertain_turns(observation, model, moved, choice, 0, turns)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
@@ -91,16 +91,23 @@ class Job:
         self, records: tuple[Record, ...], turns: bool = True, friction: bool = False
     ) -> Observation:
         """Return the rows of records that these stand for, delays compensated, say."""
+        rows = self.with_rests(records, turns, friction, self.leave_open)
+        if self.leave_open:
+            rows = without_uncertain_turns(rows, self.model, records, self.choice, self.drop, turns)
+        return self.only_rows_for_tag(rows)
+
+    def with_rests(
+        self, records: tuple[Record, ...], turns: bool = True, friction: bool = False, opened: bool = True
+    ) -> Observation:
+        """Return the same rows before forces are left open; if they will not be, without what feels rests."""
         surveys, limit, every = self.surveys, self.memory_limit, turns or self.reversing
-        rows = observe(self.model, records, self.choice, self.drop, every, surveys, limit, friction)
+        used: bool | Literal["open"] = "open" if every and opened else every
+        rows = observe(self.model, records, self.choice, self.drop, used, surveys, limit, friction)
         if every and not turns:
             feel = [bool(direction_keys(self.model, row)) for row in range(len(self.model.rows))]
             blocks = tuple(replace(block.kept(), turning=feel[block.row]) for block in rows.blocks)
             rows = replace(rows, blocks=blocks)
-        rows = with_given_directions(rows, self.model, records, self.choice, self.drop, every)
-        if self.leave_open:
-            rows = without_uncertain_turns(rows, self.model, records, self.choice, self.drop, turns)
-        return self.only_rows_for_tag(rows)
+        return with_given_directions(rows, self.model, records, self.choice, self.drop, every)
 
     def observing(
         self, turns: bool = True, friction: bool = False

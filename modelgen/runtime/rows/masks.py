@@ -104,11 +104,14 @@ class RowMask:
 
 
 @lru_cache(maxsize=8)  # the rows of a record are made again and again
-def row_masks(model: Model, choice: FilterChoice, fs: float) -> tuple[RowMask, ...]:
+def row_masks(
+    model: Model, choice: FilterChoice, fs: float, rests_open: tuple[int, ...] = ()
+) -> tuple[RowMask, ...]:
     """Return the mask of every row, for matched filtering at a sampling frequency in Hz.
 
     Coulomb friction jumps where a velocity changes sign. A differentiated row drops it and must not use what
-    feels a reversal; a row that keeps sign() must not use what feels a long rest.
+    feels a reversal; a row that keeps sign() must not use what feels a long rest. Rows of `rests_open` use
+    all but the rest itself: whatever holds a motor there is left open (`without_uncertain_turns`).
     """
     order, late, shortest = choice.filter_order, _direction_reach(choice, fs), _long_rest(choice, fs)
 
@@ -126,7 +129,8 @@ def row_masks(model: Model, choice: FilterChoice, fs: float) -> tuple[RowMask, .
             keys = direction_keys(model, row)
             otherwise = None if model.is_arm else 0.0
             least = tuple(slow.get(key, otherwise) for key in keys) if slow or model.is_arm else ()
-            found.append(RowMask(keys, reach(0) + late, "standstills", shortest, least))
+            far = 0 if row in rests_open else reach(0) + late
+            found.append(RowMask(keys, far, "standstills", shortest, least))
     return tuple(found)
 
 

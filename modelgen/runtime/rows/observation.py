@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.threads import give_back_freed
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
+from modelgen.runtime.rows.left_open.held_speeds import rows_with_open_rests
 from modelgen.runtime.rows.masks import Survey, calm_masks, jump_places, near_jumps
 from modelgen.runtime.rows.record_rows import RecordRows, matched_rows
 from modelgen.runtime.rows.remade_rows import remade_blocks
@@ -49,7 +51,7 @@ def observe(
     records: Sequence[Record],
     choice: FilterChoice,
     drop: int = 0,
-    turns: bool = True,
+    turns: bool | Literal["open"] = True,
     surveys: Sequence[Survey] = (),
     memory_limit: float | None = None,
     friction: bool = False,
@@ -65,9 +67,10 @@ def observe(
         Order, cut-offs and decimation.
     drop : int
         Samples to leave out at the beginning of every record; never fewer than the filter's reach.
-    turns : bool
+    turns : bool or "open"
         Whether rows with Coulomb friction use the samples that feel a reversal (`turn_masks`). Where too few
-        others would be left they do in any case.
+        others would be left they do in any case. "open": they do, and those of an arm what feels a long rest,
+        too, for `without_uncertain_turns` will make rows of them that do not.
     surveys : sequence of Survey, optional
         Those of an observation of these records with the same filter for directions.
     memory_limit : float, optional
@@ -85,13 +88,15 @@ def observe(
     blocks: list[RowBlock] = []
     found: list[Survey] = []
     size = kept_bytes(model, records, choice)
+    opened = rows_with_open_rests(model) if turns == "open" else ()
     remade = turns and memory_limit is not None and size > memory_limit
     if size > MUCH_KEPT and not all(record.in_memory for record in records):
         give_back_freed()
     notes = [f"drop = {drop} samples at the beginning of every record, as given"] if drop else []
     for index, record in enumerate(counted(records, "filtering")):
         survey = surveys[index] if surveys else None
-        rows = matched_rows(model, record, choice, choice.decimation[index], drop, survey=survey)
+        factor = choice.decimation[index]
+        rows = matched_rows(model, record, choice, factor, drop, None, survey, opened)
         if not turns:
             rows = replace(rows, masks=calm_masks(model, choice, record.fs, rows.masks, friction))
             slow = choice.cutoff_hz > JUMPS_FELT * record.fs

@@ -175,10 +175,12 @@ def matched_rows(
     drop: int = 0,
     samples: int | None = None,
     survey: Survey | None = None,
+    rests_open: tuple[int, ...] = (),
 ) -> RecordRows:
     """Return the rows behind one common filter, with masks, on a grid that keeps off both ends.
 
     As `unmasked_rows`; `survey` is that of the record with the same filter for directions, if there is one.
+    `rests_open` as for `row_masks`.
 
     Raises
     ------
@@ -187,7 +189,7 @@ def matched_rows(
     """
     rows = replace(
         unmasked_rows(model, source, choice, factor, drop),
-        masks=row_masks(model, choice, source.fs),
+        masks=row_masks(model, choice, source.fs, rests_open),
         samples=samples,
     )
     plan = rows.plan

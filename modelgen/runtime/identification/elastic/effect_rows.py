@@ -90,7 +90,8 @@ class EffectRows:
         point = self.point
         if point is None:
             point = run_wls(job)[1].all_parameters(job.model.base_parameters)
-        raw = replace(job, leave_open=False).observed(job.records, job.turns).dense()
+        raw = job.with_rests(job.records, job.turns, opened=job.leave_open)
+        raw = job.only_rows_for_tag(raw).dense()
         grown = [list(_grown(job, self.effects, index, point)) for index in range(len(job.records))]
 
         def extended(block: RowBlock) -> RowBlock:

@@ -19,11 +19,16 @@ from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.fused_operator import fused_operator
 from modelgen.runtime.model.arm_channels import differentiated
-from modelgen.runtime.model.deflected_kernel import DeflectedKernel, GivingRow
-from modelgen.runtime.model.deflected_rows import held_positions
+from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk
+from modelgen.runtime.rows.left_open.held_speeds import (
+    moved_by_friction,
+    moving_positions,
+    rests_can_be_open,
+    speeds_of_sensors,
+)
 from modelgen.runtime.rows.left_open.open_forces import (
     OpenForces,
     joined,
@@ -93,14 +98,31 @@ def without_uncertain_turns(
                 continue
             own_way = bool(direction_keys(model, found[k].row))
             measured = own_way and all(name in rows.plan.directions for name in names)
-            samples, certain = joined(lines)
-            most = _most_open(samples[certain < NO_SIGN] // factor, found[k].count, measured)
-            samples = least_certain(samples, certain, factor, most)
-            row = found[k].row
+            row, rests, turning = found[k].row, _NO_SAMPLES, joined(lines)
             pulses = pulses_of(rows, choice, _felt_orders(model, row), _lags(model, row))
+            if rests_can_be_open(model, row):
+                used = rows.grid[0] + factor * found[k].place
+                rests, turning = _rests_and_turns(turning, used, factor, pulses.shape[1] // 2)
+            samples, certain = turning
+            most = _most_open(samples[certain < NO_SIGN] // factor, found[k].count, measured)
+            samples = np.union1d(rests, least_certain(samples, certain, factor, most))
             forces = OpenForces(samples, pulses, rows.grid[0], factor)
             found[k] = with_open_forces(found[k], forces, STRETCH)
     return replace(observation, blocks=tuple(found))
+
+
+def _rests_and_turns(near: Near, used: IntArray, factor: int, reach: int) -> tuple[IntArray, Near]:
+    """Return samples of rests at which forces are left open, and those of turns that may be.
+
+    Of both only what one of the samples used, shape (n,) and `factor` apart, feels within `reach`. A row uses
+    no sample of a long rest: open forces there, whole, take no more of it than the rest does by itself.
+    """
+    samples, certain = near
+    first, behind = np.searchsorted(used, samples - reach), np.searchsorted(used, samples + reach, "right")
+    turning = np.isin((samples - used[0]) // factor, (used - used[0]) // factor)
+    resting, turning = ~turning & (behind > first), turning & (behind > first)
+    rests = least_certain(samples[resting], certain[resting], factor, len(samples))
+    return rests, (samples[turning], certain[turning])
 
 
 def _most_open(no_sign: IntArray, count: int, measured: bool) -> int:
@@ -118,31 +140,7 @@ def leaves_turns_open(model: Model) -> bool:
     kernel, rows = model.kernel, range(len(model.rows))
     if isinstance(kernel, DeflectedKernel) and kernel.sampled and kernel.speeds:
         return True
-    return any(_of_sensors(model, row) for row in rows)
-
-
-def _of_sensors(model: Model, row: int) -> tuple[str, ...]:
-    """Return the keys of measured speeds whose signs a row of an arm holds, or what it holds of positions."""
-    own = direction_keys(model, row) if model.is_arm else ()
-    ways = {feature.key: feature.of for feature in model.features if isinstance(feature.of, str)}
-    terms = (terms for one in _moving(model, row) for terms in (one.left, *one.columns.values()))
-    return tuple(dict.fromkeys((*own, *(ways[key] for part in terms for _, key in part if key in ways))))
-
-
-def _moved_by_friction(model: Model, row: int) -> bool:
-    """Tell whether a row holds positions that springs give by rows that hold friction."""
-    signs = {feature.key for feature in model.features if isinstance(feature.of, str)}
-    giving = (terms for one in _moving(model, row) for terms in (one.left, *one.columns.values()))
-    return any(key in signs for terms in giving for _, key in terms)
-
-
-def _moving(model: Model, row: int) -> tuple[GivingRow, ...]:
-    """Return the rows that give positions which a row holds."""
-    kernel = model.kernel
-    if not isinstance(kernel, DeflectedKernel) or row not in kernel.rows:
-        return ()
-    held = held_positions(kernel, row)
-    return tuple(one for one in kernel.giving if one.channel in held)
+    return any(speeds_of_sensors(model, row) for row in rows)
 
 
 def _felt_orders(model: Model, row: int) -> tuple[int, ...]:
@@ -152,7 +150,7 @@ def _felt_orders(model: Model, row: int) -> tuple[int, ...]:
     force over stiffness; the lower ones are slow against a pulse.
     """
     kernel = model.kernel
-    if not isinstance(kernel, DeflectedKernel) or not _moved_by_friction(model, row):
+    if not isinstance(kernel, DeflectedKernel) or not moved_by_friction(model, row):
         return (0,)
     of = {differentiated(one.channel, order): order for one in kernel.giving for order in (1, 2)}
     sums = [terms for key, terms in kernel.sums.items() if kernel.places[key][0] == row]
@@ -165,9 +163,9 @@ def _felt_orders(model: Model, row: int) -> tuple[int, ...]:
 def _lags(model: Model, row: int) -> tuple[float, ...]:
     """Return by how many s positions that springs give in a row lag behind the force that moves them."""
     kernel = model.kernel
-    if not isinstance(kernel, DeflectedKernel) or not _moved_by_friction(model, row):
+    if not isinstance(kernel, DeflectedKernel) or not moved_by_friction(model, row):
         return (0.0,)
-    return tuple(kernel.spring(one)[1] for one in _moving(model, row))
+    return tuple(kernel.spring(one)[1] for one in moving_positions(model, row))
 
 
 def _uncertain_directions(model: Model, block: RowBlock, turns: bool) -> tuple[str, ...]:
@@ -175,7 +173,7 @@ def _uncertain_directions(model: Model, block: RowBlock, turns: bool) -> tuple[s
 
     `turns` says that it uses samples that feel a reversal.
     """
-    kernel, measured = model.kernel, _of_sensors(model, block.row) if turns else ()
+    kernel, measured = model.kernel, speeds_of_sensors(model, block.row) if turns else ()
     if not isinstance(kernel, DeflectedKernel) or not kernel.sampled or not block.in_memory:
         return measured
     used = {key for terms in model.regressor_columns[block.row].values() for _, key in terms}
@@ -206,7 +204,8 @@ def _near_reversals(rows: RecordRows, choice: FilterChoice, names: Container[str
     return found
 
 
-_NOWHERE: Near = np.zeros(0, dtype=np.int64), np.zeros(0)
+_NO_SAMPLES: IntArray = np.zeros(0, dtype=np.int64)
+_NOWHERE: Near = _NO_SAMPLES, np.zeros(0)
 
 
 def _every_sample(rows: RecordRows, choice: FilterChoice, band: float) -> RecordRows:
