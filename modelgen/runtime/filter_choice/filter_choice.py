@@ -149,7 +149,8 @@ def choose_filter(
     sentences += said
     notes += lost
     direction = float(direction_cutoff_hz or direction_cutoff(model, records, cutoff, dynamics))
-    faster = () if paper or direction_cutoff_hz or direction >= cutoff else turning_noise(model, records)
+    given = paper or direction_cutoff_hz or direction >= cutoff
+    faster = () if given else turning_noise(model, records, direction)
     sentences.append(paper or direction_sentence(direction, direction_cutoff_hz is not None))
     sentences += [faster_sentence(cutoff)] if faster else []
     wide, said = _signal_cutoff(model, records, cutoff, dynamics, signal_cutoff_hz)

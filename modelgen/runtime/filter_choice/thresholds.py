@@ -50,3 +50,10 @@ ENDS_SHARE = 0.5
 FEWEST_SAMPLES = 50
 # The noise is integrated over so many frequencies up to this multiple of the cut-off.
 NOISE_LINES, HIGHEST = 2000, 6.0
+
+# Noise of a speed's own band reaches so many of its deviations in less than one of a million samples.
+CERTAIN_SIGN = 5.0
+# Low-passed speeds with the wrong sign at more of a record's samples than this do not see what turns: those
+# of a chirp at its end, and of sines of which the fastest moves most (1.1 to 9 %); those of trapezoids in
+# their corners do (0.1 to 0.7 %). That is judged in a band so many times as wide.
+WRONG_SIGNS, FASTER = 0.01, 2.0

@@ -6,18 +6,22 @@ A speed bends where friction jumps, and a low-pass of it turns late; noise behin
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from math import pi, sqrt
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.thresholds import (
+    CERTAIN_SIGN,
+    FASTER,
     FEWEST_TURNS,
     HIGHEST_CUTOFF,
     LATE_BY_CHANCE,
     SWALLOWED_TURNS,
     TURNING_ORDER,
     TURNS_CLEARLY,
+    WRONG_SIGNS,
 )
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
@@ -40,11 +44,10 @@ def turning_band_hz(acceleration: float, noise: float, derivative: int, fs: floa
     fs : float
         Hz; a share of it is the most.
     """
-    # rms of the speed's noise below f is sqrt(noise) (2 pi)^m f^(m + 1/2) / sqrt(2 m + 1)
-    m = derivative
-    least = sqrt(noise) * (2.0 * pi) ** (m + 1) / sqrt(2.0 * m + 1.0)
+    # what noise changes a speed by grows with f^(m + 1/2), and the time of a turn is a share of 1/f
+    least = 2.0 * pi * speed_noise(noise, derivative, 1.0)
     ratio = TURNS_CLEARLY * acceleration / max(least, float(np.finfo(float).tiny))
-    return min(float(ratio ** (1.0 / (m + 1.5))), HIGHEST_CUTOFF * fs)
+    return min(float(ratio ** (1.0 / (derivative + 1.5))), HIGHEST_CUTOFF * fs)
 
 
 def direction_cutoff(
@@ -76,19 +79,56 @@ def direction_cutoff(
     return max(cutoff_hz, _as_early(records, turning, cutoff_hz, widest))
 
 
-def turning_noise(model: Model, records: Sequence[Record]) -> tuple[tuple[str, float], ...]:
-    """Return the density, in unit^2/Hz, of the noise of a chain's readings whose speeds are directions.
+def turning_noise(
+    model: Model, records: Sequence[Record], direction_hz: float
+) -> tuple[tuple[str, float], ...]:
+    """Return the density, in unit^2/Hz, of the noise of readings that turn faster than a low-pass sees.
 
-    That of the record in which it is largest. Arms have no band beyond that of their directions.
+    That of the record in which it is largest; of a chain's readings whose speeds, low-passed for directions,
+    have the wrong sign at more than a few samples of a record. Arms have no band beyond their directions'.
     """
     if model.is_arm:
         return ()
-    keys = frozenset(model.direction_keys)
-    channels = [one.channel for one in model.signals if one.key in keys and one.sensor is not None]
-    return tuple(
-        (channel, max(record.facts.spectrum(channel).noise for record in records))
-        for channel in dict.fromkeys(channels)
+    keys, found = frozenset(model.direction_keys), dict[str, float]()
+    for signal in model.signals:
+        if signal.key not in keys or signal.sensor is None:
+            continue
+        share = partial(
+            wrong_share, channel=signal.channel, order=signal.derivative, direction_hz=direction_hz
+        )
+        if max(map(share, records)) > WRONG_SIGNS:
+            found[signal.channel] = max(one.facts.spectrum(signal.channel).noise for one in records)
+    return tuple(found.items())
+
+
+def wrong_share(record: Record, channel: str, order: int, direction_hz: float) -> float:
+    """Return the share of a record's samples at which a low-passed speed has the wrong sign, but for noise.
+
+    `order` says how often the channel is differentiated to be a speed; a band a few times as wide tells.
+    """
+    noise, wide_hz = (
+        record.facts.spectrum(channel).noise,
+        min(FASTER * direction_hz, HIGHEST_CUTOFF * record.fs),
     )
+
+    def share() -> float:
+        certain = CERTAIN_SIGN * speed_noise(noise, order, wide_hz)
+        wrong = count = 0
+        for samples in record.facts.stretches(channel):
+            low, wide = (_speed(samples, order, hertz, record.fs) for hertz in (direction_hz, wide_hz))
+            wrong, count = (
+                wrong + int(np.sum((np.abs(wide) > certain) & (wide * low < 0.0))),
+                count + low.size,
+            )
+        return wrong / max(count, 1)
+
+    return record.facts.channels[channel].once(("wrong signs", order, direction_hz), share)
+
+
+def speed_noise(noise: float, derivative: int, band_hz: float) -> float:
+    """Return the rms, in SI, of the noise of a speed below a frequency, of white noise in unit^2/Hz."""
+    m = derivative
+    return sqrt(noise) * (2.0 * pi) ** m * float(band_hz ** (m + 0.5)) / sqrt(2.0 * m + 1.0)
 
 
 def _as_early(

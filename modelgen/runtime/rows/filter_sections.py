@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from math import ceil, sqrt
+from math import sqrt
 
 import numpy as np
 
@@ -36,8 +36,6 @@ class Filtering:
         Whether directions are means over sampling periods, of motion that reverses between two samples.
     noise : tuple of (str, float)
         Standard deviation of the noise, white, of channels of which faster motion turns directions as well.
-    half_period : int
-        Samples of half a period of the low-pass for directions.
     """
 
     fs: float
@@ -48,7 +46,6 @@ class Filtering:
     signals: Sections = ()
     between: bool = False
     noise: tuple[tuple[str, float], ...] = ()
-    half_period: int = 0
 
     @property
     def linear(self) -> Sections:
@@ -71,7 +68,7 @@ def matched_filtering(choice: FilterChoice, fs: float, factor: int) -> Filtering
     if not noise:
         return filtering
     stds = tuple((channel, sqrt(0.5 * density * fs)) for channel, density in noise)
-    return replace(filtering, noise=stds, half_period=ceil(0.5 * fs / choice.direction_cutoff_hz))
+    return replace(filtering, noise=stds)
 
 
 @lru_cache(maxsize=128)  # rows are made of one change of the channels after the other

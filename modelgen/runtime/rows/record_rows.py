@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from math import sqrt
 from typing import TypeVar
 
 import numpy as np
@@ -19,7 +20,7 @@ from modelgen.runtime.numerics.threads import each
 from modelgen.runtime.records.channels import Channels, read_continued
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.chunk import Chunk, chunk_points, chunks, made_once
-from modelgen.runtime.rows.filter_sections import matched_filtering
+from modelgen.runtime.rows.filter_sections import Filtering, matched_filtering
 from modelgen.runtime.rows.masks import NOTHING, RowMask, Survey, row_masks, standstill_speed
 from modelgen.runtime.rows.row_terms import RowTerms, row_terms
 from modelgen.runtime.rows.signal_plan import SignalPlan, signal_plan
@@ -238,8 +239,19 @@ def unmasked_rows(
             shorter_ways(model, source, order, cutoff_hz, factor, drop),
         )
     fast = None if source.n >= COMPILED_SAMPLES else False
-    plan = signal_plan(model, matched_filtering(choice, source.fs, factor), fast)
+    plan = signal_plan(model, _as_noisy(matched_filtering(choice, source.fs, factor), source), fast)
     return RecordRows(source, plan, range(start, source.n - edge, factor))
+
+
+def _as_noisy(filtering: Filtering, source: Channels) -> Filtering:
+    """Return filters that know of the noise of a record: a low-pass that was undone has made it louder."""
+    if not filtering.noise or not isinstance(source, Record):
+        return filtering
+    found = {
+        channel: sqrt(0.5 * source.facts.spectrum(channel).noise * source.fs)
+        for channel, _ in filtering.noise
+    }
+    return replace(filtering, noise=tuple((key, max(std, found[key])) for key, std in filtering.noise))
 
 
 def full_rate(plan: SignalPlan) -> SignalPlan:

@@ -8,9 +8,6 @@ import numpy as np
 DIRECTION_TOLERANCE = 1e-2
 # A sign that changes one sample late is felt so far: where the filter has fallen to this share of its peak.
 TURN_TOLERANCE = 1e-3
-# What a wider band changes a speed by is motion beyond so many deviations of what noise changes it by: that
-# noise reaches in less than one of a million samples.
-FASTER_MOTION = 5.0
 # sign() is meaningless while a mass sticks for longer than this many periods of the cut-off.
 STANDSTILL_PERIODS = 2.0
 

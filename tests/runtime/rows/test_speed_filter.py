@@ -9,6 +9,7 @@ import pytest
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
+from modelgen.runtime.filter_choice.turning_band import turning_noise
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import unmasked_rows
 from tests.runtime.rigid_motion import RIGID
@@ -26,8 +27,8 @@ def choice(noise: float) -> FilterChoice:
     return FilterChoice(4, 100.0, 20.0, (5,), 20.0, None, (), (), (), turning_noise=(("q_m", density),))
 
 
-def speed(settings: FilterChoice, position: FloatArray) -> FloatArray:
-    readings = position + NOISE * np.random.default_rng(3).standard_normal(N)
+def speed(settings: FilterChoice, position: FloatArray, noise: float = NOISE) -> FloatArray:
+    readings = position + noise * np.random.default_rng(3).standard_normal(N)
     rows = unmasked_rows(RIGID, Record({"q_m": readings, "F": np.zeros(N)}, FS), settings, 1)
     (key,) = rows.plan.directions
     return np.concatenate(list(rows.over_chunks(lambda one: one.direction(key, one.start, one.stop))))
@@ -46,20 +47,48 @@ def test_motion_beyond_the_low_pass_turns_where_it_is() -> None:
 
 
 def test_noise_beyond_the_low_pass_turns_nothing() -> None:
-    slow = np.sin(SLOW * T) / SLOW
-    narrow, found = (speed(one, slow) for one in (replace(choice(NOISE), turning_noise=()), choice(NOISE)))
-    assert np.allclose(found, narrow, rtol=0.0, atol=1e-9)
+    slow, loud = np.sin(SLOW * T) / SLOW, 100.0 * NOISE
+    known = choice(loud)
+    narrow, found, wide, silent = (
+        np.sign(speed(one, slow, loud))
+        for one in (
+            replace(known, turning_noise=()),
+            known,
+            replace(known, direction_cutoff_hz=100.0),
+            choice(0.0),
+        )
+    )
+    assert np.array_equal(found, narrow)
+    assert np.sum(np.diff(wide) != 0.0) > 2 * np.sum(np.diff(found) != 0.0)
+    # a record knows its own noise, whatever that of others is
+    assert np.array_equal(silent, found)
+
+
+def test_readings_that_turn_faster_than_a_low_pass_sees_are_found() -> None:
+    rng = np.random.default_rng(4)
+
+    def record(position: FloatArray) -> Record:
+        readings = position + NOISE * rng.standard_normal(N)
+        return Record({"q_m": readings, "F": rng.standard_normal(N)}, FS, "one")
+
+    fast, calm = record(POSITION), record(np.sin(SLOW * T) / SLOW)
+    ((channel, density),) = turning_noise(RIGID, [calm, fast], 45.0)
+    assert channel == "q_m"
+    assert density == pytest.approx(2.0 * NOISE**2 / FS, rel=0.2)
+    assert turning_noise(RIGID, [fast], 90.0) == ()
+    assert turning_noise(RIGID, [calm], 45.0) == ()
 
 
 def test_a_cut_off_that_is_given_is_the_only_one() -> None:
     rng = np.random.default_rng(4)
-    slow = np.sin(SLOW * T) / SLOW + NOISE * rng.standard_normal(N)
-    record = Record({"q_m": slow, "F": rng.standard_normal(N)}, FS, "one")
-    free = choose_filter(RIGID, [record], cutoff_hz=100.0)
-    ((channel, density),) = free.turning_noise
-    assert channel == "q_m"
-    assert density == pytest.approx(2.0 * NOISE**2 / FS, rel=0.2)
-    assert any(one.endswith("velocities below 100 Hz count.") for one in free.sentences)
-    given = choose_filter(RIGID, [record], cutoff_hz=100.0, direction_cutoff_hz=20.0)
+    # a chirp up to 90 Hz, of which a window leaves nothing, beside a slow motion
+    phase = 2.0 * np.pi * (2.0 + 0.5 * 88.0 / T[-1] * T) * T
+    readings = np.cumsum(np.cos(SLOW * T) + 1.5 * np.cos(phase)) / FS + NOISE * rng.standard_normal(N)
+    record = Record({"q_m": readings, "F": np.gradient(np.cos(phase))}, FS, "one")
+    free = choose_filter(RIGID, [record])
+    assert free.direction_cutoff_hz < 90.0
+    assert [channel for channel, _ in free.turning_noise] == ["q_m"]
+    assert any(one.endswith("Hz count.") for one in free.sentences)
+    given = choose_filter(RIGID, [record], direction_cutoff_hz=20.0)
     assert given.turning_noise == ()
     assert not any(one.endswith("count.") for one in given.sentences)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.signal import cont2discrete, lfilter
 
 from modelgen.array_types import FloatArray
@@ -30,9 +30,12 @@ MOTOR_ALONE = '[sensors.s]\nq_m = { body = "m", measures = "position" }\n'
 
 
 def lagging(samples: FloatArray, samples_late: float) -> FloatArray:
-    """Return samples behind a first-order low-pass, exact for what is straight between them, shape (n,)."""
-    over, under, _ = cont2discrete(([1.0], [samples_late, 1.0]), 1.0, "foh")
-    return np.asarray(lfilter(over.ravel(), under, samples - samples[0]) + samples[0])
+    """Return samples behind a first-order low-pass, of the smooth motion that they are of, shape (n,)."""
+    fine, places = 20, np.arange(len(samples))
+    between = np.arange((len(samples) - 1) * fine + 1) / fine
+    smooth = make_interp_spline(places, samples, k=5)(between) - samples[0]
+    over, under, _ = cont2discrete(([1.0], [fine * samples_late, 1.0]), 1.0, "foh")
+    return np.asarray(lfilter(over.ravel(), under, smooth)[::fine] + samples[0])
 
 
 @pytest.mark.slow(begins="first")
