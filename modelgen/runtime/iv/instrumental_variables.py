@@ -22,12 +22,14 @@ from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.thresholds import (
     EXACTNESS,
     FORESEEN,
+    LATER_MOVE,
     NEAR,
     NEAR_SHARE,
     ROUNDS,
     SHRINKING,
     SMALL_CHANGE,
     SMALL_MOVE,
+    STILL_ROUNDS,
     VANISHED_ROW,
 )
 from modelgen.runtime.least_squares.fit import Fit
@@ -258,9 +260,10 @@ def _largest_move(before: Fit, after: Fit) -> float:
 def _stands_still(moves: Sequence[float]) -> bool:
     """Tell whether the estimate has come to rest, or the next round would hardly show otherwise.
 
-    The rounds shrink the moves by about the same share each.
+    The rounds shrink the moves by about the same share each, but for directions that jump from sample to
+    sample: after many rounds more counts as rest.
     """
-    if moves[-1] < 1.0:
+    if moves[-1] < (1.0 if len(moves) <= STILL_ROUNDS else LATER_MOVE / SMALL_MOVE):
         return True
     share = moves[-1] / moves[-2] if len(moves) > 1 else 1.0
     return share < SHRINKING and moves[-1] * share / (1.0 - share) < FORESEEN

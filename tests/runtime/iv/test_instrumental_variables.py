@@ -253,3 +253,11 @@ def test_an_estimate_far_from_its_start_gets_instruments_of_its_own() -> None:
     assert found.simulated is not runs
     spread = np.sqrt(np.diag(hac_covariance(own)))
     np.testing.assert_array_less(np.abs(found.solution.x - own.solution.x), 0.02 * spread)
+
+
+@pytest.mark.parametrize(
+    ("rounds", "move", "rests"), [(2, 0.5, True), (12, 5.0, False), (13, 5.0, True), (13, 50.0, False)]
+)
+def test_after_many_rounds_a_tenth_of_a_deviation_is_rest(rounds: int, move: float, rests: bool) -> None:
+    # directions jump from sample to sample: rounds do not shrink moves for ever (here in hundredths)
+    assert instrumental_variables._stands_still([move] * rounds) is rests
