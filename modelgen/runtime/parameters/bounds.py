@@ -16,9 +16,10 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError, listed
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.parameters.thresholds import AT_BOUND, CONTRADICTED, DRAWS
+from modelgen.runtime.parameters.thresholds import AT_BOUND, BEYOND_CHANCE, CONTRADICTED, DRAWS
 
 PHYSICAL = "physical"
 # Never negative in nature.
@@ -60,6 +61,16 @@ def negative_parameters(model: Model, values: Mapping[str, float]) -> dict[str, 
     """Return those of some values that are negative although nature has no such thing."""
     bounded = bounded_names(model)
     return {name: value for name, value in values.items() if value < 0.0 and name in bounded}
+
+
+def impossible_columns(model: Model, fit: Fit) -> tuple[str, ...]:
+    """Return the columns of a fit, composites as well, whose sign nature does not have, beyond chance."""
+    lower, upper = bounded_below_or_above(model)
+    places = [model.base_parameters.index(name) for name in fit.columns]
+    std = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
+    beyond = np.maximum(lower[places] - fit.solution.x, fit.solution.x - upper[places])
+    found = np.flatnonzero(beyond > BEYOND_CHANCE * std)
+    return tuple(fit.columns[place] for place in found.tolist())
 
 
 def bounded_below_or_above(model: Model) -> tuple[FloatArray, FloatArray]:

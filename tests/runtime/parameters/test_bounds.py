@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,9 +9,11 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from generated import emps300_qm_qc, emps_rigid_asymmetric_qm, three_mass_qa_qb_qc
+from modelgen.cli.candidates import spec_model
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.methods import METHODS
+from modelgen.runtime.identification.methods import METHODS, run_wls
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import model_from_module
@@ -19,10 +23,16 @@ from modelgen.runtime.parameters.bounds import (
     bound_sentence,
     bounded_below_or_above,
     bounded_fit,
+    impossible_columns,
 )
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.simulation.simulate import simulate
+from modelgen.spec.load import parse_spec
 from tests.broken_sentences import hole
+from tests.runtime.iv.shapes.chains import KNOWN, TWO
 from tests.runtime.rigid_motion import CHOICE, FS, RIGID, SETTINGS, TRUTH, rigid_record
+
+LOAD_SEEN = '[sensors.s]\nq_c = { body = "c", measures = "position" }\n'
 
 
 @pytest.mark.parametrize("module", [emps300_qm_qc, emps_rigid_asymmetric_qm, three_mass_qa_qb_qc])
@@ -33,6 +43,21 @@ def test_signs_follow_from_the_roles(module: object) -> None:
         offset = name in model.roles and model.roles[name].role == "offset"
         assert low == (-np.inf if offset else 0.0), name
         assert high == np.inf
+
+
+def test_composites_of_a_sign_that_nature_does_not_have_are_impossible_beyond_chance() -> None:
+    model = spec_model(parse_spec(TWO + LOAD_SEEN, "two.toml"), "s")
+    levels = {"q_c": 1e-6, "T": 1e-2}
+    record = simulate(model, KNOWN, "chirp", fs=2000.0, duration_s=1.0, noise=levels, oversample=8).record
+    fit = run_wls(Job(model, (record,), choose_filter(model, [record])))[1]
+    assert impossible_columns(model, fit) == ()
+    place = fit.columns.index("D/K")
+    std = float(np.sqrt(hac_covariance(fit)[place, place]))
+    for deviations, told in ((2.0, ()), (4.0, ("D/K",))):
+        x = fit.solution.x.copy()
+        x[place] = -deviations * std
+        moved = replace(fit, solution=replace(fit.solution, x=x), residuals=fit.residuals)
+        assert impossible_columns(model, moved) == told
 
 
 def test_bounds_that_hold_cost_nothing() -> None:

@@ -41,6 +41,7 @@ from modelgen.runtime.iv.freed_effects import Freed, corrected, fit_with_effects
 from modelgen.runtime.iv.physical.alike_bodies import exchanges
 from modelgen.runtime.iv.thresholds import AS_GOOD, AS_LIKELY, EFFECT_ROUNDS
 from modelgen.runtime.iv.told_effects import estimated
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.nearest_parameters import alike
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
@@ -92,20 +93,38 @@ def _with_directions(task: Task, start: Start, freed: Freed) -> tuple[Task, Free
     if not any(signs_of_rows(task.model)):
         return best
     for sizes in dict.fromkeys((freed.sizes, start.lagging(freed.sizes))):
-        with suppress(IdentifiabilityError, DataError):
-            other = _directed(task, start, sizes)
-            found = _freed(other.job, replace(start, fit=freed.fit, sizes=freed.sizes)) if other else freed
-            same = found.fit.columns == freed.fit.columns
-            if other and same and left_a_sample(found.fit) < left_a_sample(best[1].fit):
-                best = other, found
+        best = _less(best, _directed(task, start, sizes), start, freed)
+    if best[1] is freed:
+        return best
+    # what was simulated without the effects had friction of its own: once more, with that of the estimate
+    return _less(best, _directed(task, start, best[1].sizes, best[1].fit), start, best[1])
+
+
+def _less(best: tuple[Task, Freed], other: Task | None, start: Start, freed: Freed) -> tuple[Task, Freed]:
+    """Return the task and fit that leave less: the best ones, or those of another task, begun at a fit."""
+    if other is None:
+        return best
+    with suppress(IdentifiabilityError, DataError):
+        found = _freed(other.job, replace(start, fit=freed.fit, sizes=freed.sizes))
+        same = found.fit.columns == freed.fit.columns
+        if same and left_a_sample(found.fit) < left_a_sample(best[1].fit):
+            return other, found
     return best
 
 
-def _directed(task: Task, start: Start, sizes: Sequence[float]) -> Task | None:
-    """Return a task whose records bring directions, of effects of these sizes; None where none are better."""
+def _directed(task: Task, start: Start, sizes: Sequence[float], fit: Fit | None = None) -> Task | None:
+    """Return a task whose records bring directions, of effects of these sizes; None where none are better.
+
+    They are simulated at the estimate that knows of the effects, or at a fit.
+    """
     apart = task.changed(partial(corrected, delays={}, effects=start.effects, sizes=sizes))
-    plain = with_wider_directions(run_method(apart, task.method))
-    turned = with_simulated_directions(plain)
+    try:
+        plain = with_wider_directions(run_method(apart, task.method))
+        if fit is not None and fit.columns == plain.found.fit.columns:
+            plain = replace(plain, found=replace(plain.found, fit=fit))
+        turned = with_simulated_directions(plain)
+    except (IdentifiabilityError, DataError):
+        return None
     if turned.found.fit is plain.found.fit:
         return None
     job = turned.task.job

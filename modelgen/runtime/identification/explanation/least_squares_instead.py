@@ -45,7 +45,7 @@ from modelgen.runtime.iv.freed_effects import corrected
 from modelgen.runtime.iv.told_effects import held_instead
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from modelgen.runtime.parameters.bounds import negative_columns
+from modelgen.runtime.parameters.bounds import impossible_columns, negative_columns
 
 
 def least_squares_instead(
@@ -151,7 +151,7 @@ def stand_in(
     if all(name in refused for name in fit.columns):
         raise all_refused(refused, task.model) from None
     bias = noise_bias(task.model, task.records, task.choice, fit)
-    impossible = negative_columns(task.model, fit).keys() - refused.keys()
+    impossible = {*negative_columns(task.model, fit), *impossible_columns(task.model, fit)} - refused.keys()
     biased = np.any(np.abs(bias) > STANDS_IN * np.abs(fit.solution.x))
     if biased or impossible or max(fit.left_shares) > LEFT_SHARE:
         reasons = refused_problems(refused, task.model)

@@ -61,6 +61,7 @@ def with_simulated_directions(begun: Begun) -> Begun:
         start = replace(task, job=replace(task.job, reversing=task.job.reversing or not near))
         again = _turned_anew(start, found)
         if again is None or left_a_sample(again.found.fit) > left_a_sample(fit):
+            found = found if found is begun else _unsettled(found, again)
             break
         found = again
     if unseen is not None and (found is begun or _digits(found) < _digits(begun, unseen)):
@@ -85,9 +86,21 @@ def explained_with_directions(begun: Begun, before: Begun | None = None) -> Begu
         again = _turned_anew(begun.task, told)
         again = again and _explained(with_note(again, SIMULATED, begun.found.drift))
         if again is None or left_a_sample(again.found.fit) > left_a_sample(fit):
+            told = _unsettled(told, again)
             break
         told, before = again, told
     return told
+
+
+def _unsettled(found: Begun, again: Begun | None) -> Begun:
+    """Return an estimate with what directions that were simulated once more move, though they leave more.
+
+    Which of the two leaves less hangs on few samples about reversals: the intervals hold either.
+    """
+    if again is None or again.found.fit.columns != found.found.fit.columns:
+        return found
+    move = again.found.fit.solution.x - found.found.fit.solution.x
+    return replace(found, found=replace(found.found, drift=found.found.drift + np.outer(move, move)))
 
 
 def _explained(begun: Begun) -> Begun:
