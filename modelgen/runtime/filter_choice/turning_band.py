@@ -11,7 +11,7 @@ from math import pi, sqrt
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import BoolArray, FloatArray
 from modelgen.runtime.filter_choice.thresholds import (
     CERTAIN_SIGN,
     FASTER,
@@ -106,23 +106,17 @@ def wrong_share(record: Record, channel: str, order: int, direction_hz: float) -
 
     `order` says how often the channel is differentiated to be a speed; a band a few times as wide tells.
     """
-    noise, wide_hz = (
-        record.facts.spectrum(channel).noise,
-        min(FASTER * direction_hz, HIGHEST_CUTOFF * record.fs),
-    )
+    wide_hz = min(FASTER * direction_hz, HIGHEST_CUTOFF * record.fs)
+    certain = CERTAIN_SIGN * speed_noise(record.facts.spectrum(channel).noise, order, wide_hz)
 
     def share() -> float:
-        certain = CERTAIN_SIGN * speed_noise(noise, order, wide_hz)
-        wrong = count = 0
+        wrong = list[BoolArray]()
         for samples in record.facts.stretches(channel):
             low, wide = (_speed(samples, order, hertz, record.fs) for hertz in (direction_hz, wide_hz))
-            wrong, count = (
-                wrong + int(np.sum((np.abs(wide) > certain) & (wide * low < 0.0))),
-                count + low.size,
-            )
-        return wrong / max(count, 1)
+            wrong.append((np.abs(wide) > certain) & (wide * low < 0.0))
+        return float(np.mean(np.concatenate(wrong)))
 
-    return record.facts.channels[channel].once(("wrong signs", order, direction_hz), share)
+    return record.facts.kept(("wrong signs", channel, order, direction_hz), share)
 
 
 def speed_noise(noise: float, derivative: int, band_hz: float) -> float:
