@@ -128,7 +128,7 @@ def test_what_leaves_as_much_either_way_is_named_with_the_other() -> None:
 def test_swapped_columns_of_a_measured_record_are_found(bench: Record, one: str, other: str) -> None:
     (found,) = advice(BENCH, swapped([bench], one, other))
     assert found.where == f"bench, channel {one} and {other}, samples 0 to 49999"
-    # with directions below the cut-off of the rows 7.87 %: which these are is judged by the channels as they are
+    # 7.87 % with directions below the cut-off of the rows: channels as they stand tell which these are
     assert re.search(r"then leaves 7\.(79|87) % of its largest term unexplained \(now 98\.", found.what)
 
 
