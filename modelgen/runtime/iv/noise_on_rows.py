@@ -55,8 +55,7 @@ def noise_rows(
         louder = {}
         for actuator in setting.model.actuators:
             if actuator.key in record.signals:
-                density = record.facts.spectrum(actuator.key).noise
-                level = float(np.sqrt(0.5 * density * record.fs))
+                level = record.facts.spectrum(actuator.key).spread(record.fs)
                 louder[actuator.key] = record.signals[actuator.key] + level * rng.standard_normal(record.n)
         noisy.append(record.edited(louder))
     noisy_setting = replace(setting, records=tuple(noisy))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import sqrt
 from typing import TypeVar
 
 import numpy as np
@@ -247,11 +246,8 @@ def _as_noisy(filtering: Filtering, source: Channels) -> Filtering:
     """Return filters that know of the noise of a record: a low-pass that was undone has made it louder."""
     if not filtering.noise or not isinstance(source, Record):
         return filtering
-    found = {
-        channel: sqrt(0.5 * source.facts.spectrum(channel).noise * source.fs)
-        for channel, _ in filtering.noise
-    }
-    return replace(filtering, noise=tuple((key, max(std, found[key])) for key, std in filtering.noise))
+    own = {key: source.facts.spectrum(key).spread(source.fs) for key, _ in filtering.noise}
+    return replace(filtering, noise=tuple((key, max(std, own[key])) for key, std in filtering.noise))
 
 
 def full_rate(plan: SignalPlan) -> SignalPlan:

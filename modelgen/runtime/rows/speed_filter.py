@@ -39,9 +39,8 @@ class SpeedFilter:
     @property
     def margins(self) -> tuple[int, int]:
         """Samples before the first and behind the last one that are looked at."""
-        every = [one.margins for one in (self.low, self.wide) if one is not None]
-        before, behind = map(max, *every) if len(every) > 1 else every[0]
-        return before, behind
+        (before, behind), wide = self.low.margins, self.wide.margins if self.wide else (0, 0)
+        return max(before, wide[0]), max(behind, wide[1])
 
     def speed(
         self, filtered: Callable[[FusedOperator, int, int], FloatArray], start: int, count: int
