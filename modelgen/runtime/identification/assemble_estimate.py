@@ -260,6 +260,6 @@ def drift_notes(parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
         f"{entry.name} {100.0 * entry.drift_std / abs(entry.value):.2g} %" for entry in drifting
     )
     return (
-        "other cut-offs, weights or timings move the estimate by more than its residual explains "
+        "other cut-offs, weights, timings or zeros move the estimate by more than its residual explains "
         f"({listed}): noise in the sensors, or dynamics that the model lacks; the intervals include it",
     )

@@ -61,7 +61,7 @@ def test_the_estimate_holds_the_truth_and_adds_the_drift() -> None:
         drifting.cov_params() - drifting.cov_params("noise"), 0.09 * np.eye(6), atol=1e-12
     )
     assert not any("other cut-offs" in note for note in plain.fit.notes)
-    assert any("other cut-offs, weights or timings" in note for note in drifting.fit.notes)
+    assert any("other cut-offs, weights, timings or zeros" in note for note in drifting.fit.notes)
 
 
 def test_pruning_counts_the_drift_and_leaves_the_estimate_alone() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.identification.elastic.encoder_zeros import deflecting, encoder_zeros
 from modelgen.runtime.identification.elastic.row_forces import RowForce
 from modelgen.runtime.identification.thresholds import (
     HALF_SAMPLE,
@@ -72,6 +73,8 @@ class SetRight:
         Forces that are commands which a drive holds from sample to sample.
     others : tuple of tuple of Instead
         What explains the rows as well as each effect.
+    unsaid : tuple of Effect
+        Zeros that are always estimated, and that rows do not show.
     """
 
     columns: tuple[str, ...]
@@ -81,6 +84,7 @@ class SetRight:
     covariance: FloatArray
     held: tuple[str, ...] = ()
     others: tuple[tuple[Instead, ...], ...] = ()
+    unsaid: tuple[Effect, ...] = ()
 
     @property
     def changes_records(self) -> bool:
@@ -100,6 +104,7 @@ class SetRight:
         told = tuple(
             (left if isinstance(effect, RowForce) else estimated)(effect, size, self._instead_of(effect))
             for effect, size in _one_a_cause(self.effects, self.sizes)
+            if effect not in self.unsaid
         )
         return (told_holds(self.held), *told) if self.held else told
 
@@ -139,19 +144,20 @@ def _one_a_cause(effects: Sequence[Effect], sizes: Sequence[float]) -> Iterator[
         yield (effect, float(np.hypot.reduce([one for _, one in tilts]))) if tilts else (effect, size)
 
 
-def channel_errors(model: Model) -> tuple[Effect, ...]:
-    """Return what may be off: when channels are read, zeros of levels, and gears.
-
-    Where encoders read a joint on both sides the zero of the link's is that of the arm.
-    """
+def channel_errors(model: Model, records: int = 1) -> tuple[Effect, ...]:
+    """Return what may be off: when channels are read, zeros of levels, those of some records, and gears."""
     read, geared = model.channels, gears(model)
     forces = [actuator.key for actuator in model.actuators]
     bodies = {one.key: one.body for one in model.sensors if one.measures == "position" and one.key in read}
     levels = {signal.channel for signal in model.signals if signal.derivative == 0}
-    own = [key for key, body in bodies.items() if f"{body} motor" not in bodies.values()]
+    between = deflecting(model)
+    # where encoders read a joint on both sides the zero of the link's is that of the arm
+    own = [
+        key for key, body in bodies.items() if f"{body} motor" not in bodies.values() and key not in between
+    ]
     found = [delay_effect(key) for key in read]
     found += [zero_effect(key, None, 1) for key in (*own, *forces) if key in levels]
-    return (*found, *(_gear_effect(key) for key in geared))
+    return (*encoder_zeros(model, records), *found, *(_gear_effect(key) for key in geared))
 
 
 def gears(model: Model) -> dict[str, str]:

@@ -7,9 +7,10 @@ channels by large stiffnesses: half a sample of a force that a drive holds is a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from numbers import Real
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from modelgen.runtime.identification.elastic.channel_errors import (
     set_right,
 )
 from modelgen.runtime.identification.elastic.effect_rows import EffectRows
+from modelgen.runtime.identification.elastic.encoder_zeros import EncoderZero, of_other_records
 from modelgen.runtime.identification.elastic.joint_effects import joint_effects
 from modelgen.runtime.identification.elastic.link_forces import link_forces
 from modelgen.runtime.identification.elastic.row_forces import RowForce, row_forces
@@ -43,10 +45,13 @@ from modelgen.runtime.identification.thresholds import (
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.model_errors import delay_effect
 from modelgen.runtime.least_squares.delays import with_holds
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
 Again = Callable[[Task], Task | None]
+# A task about the estimate of records that were set right, and by what.
+Begun = tuple[Task, dict[Effect, float]]
 
 
 def with_channels_set_right(task: Task, again: Again) -> tuple[Task, SetRight | None]:
@@ -64,14 +69,17 @@ def with_channels_set_right(task: Task, again: Again) -> tuple[Task, SetRight | 
     parts = tuple(part_tried(record, ALIGNED_ON) for record in task.records)
     job = replace(task.job, records=parts, surveys=(), memory_limit=None)
     tried = replace(task, records=parts, unseen=(), job=job)
-    every = (*channel_errors(task.model), *row_forces(task.model), *link_forces(task.model, len(parts)))
-    found = _come_to_rest(tried, again, every)
+    channels = channel_errors(task.model, len(parts))
+    every = (*channels, *row_forces(task.model), *link_forces(task.model, len(parts)))
+    zeros = tuple(one for one in channels if isinstance(one, EncoderZero))
+    begun = _with_zeros(tried, again, zeros)
+    found = _come_to_rest(tried, again, every, begun) or _come_to_rest(tried, again, zeros, begun)
     if found is None:
         return task, None
     for held in _held(found):
         # the average that a hold is looks like inertia
         hold = partial(with_holds, channels=held)
-        other = _come_to_rest(tried.changed(hold), again, every, found)
+        other = _with_holds(tried.changed(hold), again, every, found)
         if other is None or other.misfit > found.misfit + AS_LIKELY:
             continue
         # one that does not hold is late by half a sample as the mean of what it holds
@@ -122,19 +130,45 @@ class _Aligned:
         return own or (drives if self.commands else ())
 
 
+def _with_zeros(task: Task, again: Again, zeros: Sequence[Effect]) -> Begun:
+    """Return the task with zeros of encoders set right that rows show, about its estimate, and the zeros.
+
+    Large ones bend all else: a stiffness that makes the least of them is another one, and may be none.
+    """
+    known, now = dict.fromkeys(zeros, 0.0), task
+    for _ in range(ALIGNING_ROUNDS if zeros else 0):
+        rows = EffectRows(now.job, tuple(zeros))
+        try:
+            # what a zero does is that at the stiffness that goes with it
+            fit = rows.about(rows.solved(zeros)).solved(zeros)
+        except (DataError, IdentifiabilityError):
+            break
+        spread = dict(zip(fit.columns, np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0)), strict=True))
+        sizes = dict(zip(fit.columns, fit.solution.x.tolist(), strict=True))
+        if all(abs(sizes.get(one.name, 0.0)) <= ALIGNED_APART * spread.get(one.name, 0.0) for one in zeros):
+            return now, known
+        known = {one: size + sizes.get(one.name, 0.0) for one, size in known.items()}
+        corrected = _corrected(task, known, now.model)
+        now = again(corrected) or corrected
+    return task, dict.fromkeys(zeros, 0.0)
+
+
+def _with_holds(task: Task, again: Again, candidates: tuple[Effect, ...], near: _Aligned) -> _Aligned | None:
+    """Return where steps rest of the same task with forces held, whose delays are looked for anew."""
+    known = {one: size for one, size in near.known.items() if one not in near.commands}
+    corrected = _corrected(task, known, near.task.model)
+    return _come_to_rest(task, again, candidates, (again(corrected) or corrected, known), held=True)
+
+
 def _come_to_rest(
-    task: Task, again: Again, candidates: tuple[Effect, ...], near: _Aligned | None = None
+    task: Task, again: Again, candidates: tuple[Effect, ...], begun: Begun, held: bool = False
 ) -> _Aligned | None:
     """Return where steps of what is off come to rest; None where nothing is, or they do not.
 
-    With `near` the task is the same with forces held, whose delays are looked for anew.
+    They begin with a task whose records have been set right, and by what. Of forces that are `held` nothing
+    else may be off.
     """
-    known, now, length, before = dict[Effect, float](), task, 1.0, dict[Effect, float]()
-    rests = moves = True
-    if near is not None:
-        known = {one: size for one, size in near.known.items() if one not in near.commands}
-        corrected = _corrected(task, known, near.task.model)
-        now = again(corrected) or corrected
+    (now, known), length, before, rests, moves = begun, 1.0, dict[Effect, float](), True, True
     rows = EffectRows(now.job, candidates)
     for done in range(ALIGNING_ROUNDS):
         try:
@@ -146,7 +180,9 @@ def _come_to_rest(
         found = {one: joint.step(one) for one in joint.effects}
         steps = {one: (size - stays[one], std) for one, (size, std) in found.items()}
         looked, share = rests, ALIGNMENT_AT_REST if done < PATIENT_ALIGNING else NEARLY_AT_REST
-        rests = all(abs(size) < share * std for size, std in steps.values())
+        # a zero bends rows by its size times what stiffnesses change by: of a few deviations that is nothing
+        least = {one: ALIGNED_APART if isinstance(one, EncoderZero) else share for one in steps}
+        rests = all(abs(size) < least[one] * std for one, (size, std) in steps.items())
         # what goes to and fro, as other samples are left open, comes to rest with shorter steps
         to_and_fro = (
             sum(size * before.get(one, 0.0) / (std**2 or 1.0) for one, (size, std) in steps.items()) < 0.0
@@ -155,13 +191,14 @@ def _come_to_rest(
         before = {one: size for one, (size, _) in steps.items()}
         known = {one: known.get(one, 0.0) + length * size for one, size in before.items()}
         right = joint.told(known)
-        doubtful = [one for one in known if abs(known[one]) < ALIGNED_APART * steps[one][1]]
-        doubtful += [one for one in known if not resolved(one, known[one], task.records)]
+        told = {one: size for one, size in known.items() if not isinstance(one, EncoderZero)}
+        doubtful = [one for one, size in told.items() if abs(size) < ALIGNED_APART * steps[one][1]]
+        doubtful += [one for one, size in told.items() if not resolved(one, size, task.records)]
         if rests and doubtful:
             # it stood in for another one, and is not looked for again
             known = {one: size for one, size in known.items() if one is not doubtful[0]}
             rows = rows.without(doubtful[0])
-        if (not known and near is None) or any(runs_away(*one, task.records) for one in known.items()):
+        if (not known and not held) or any(runs_away(*one, task.records) for one in known.items()):
             return None
         if any(not isinstance(one, RowForce) for one in (*known, *doubtful[: int(rests)])):
             corrected = _corrected(task, known, now.model)
@@ -176,9 +213,12 @@ def _come_to_rest(
 
 def _corrected(task: Task, sizes: Mapping[Effect, float], model: Model) -> Task:
     """Return the task with channels set right, its rows about the same point as those of a model."""
+    own, tails = {record.name for record in task.records}, isinstance(task.checks.hold_out, Real)
 
     def change(records: tuple[Record, ...]) -> tuple[Record, ...]:
-        return tuple(set_right(model, record, index, sizes) for index, record in enumerate(records))
+        same = tails or own.issuperset(record.name for record in records)
+        known = sizes if same else of_other_records(sizes)
+        return tuple(set_right(model, record, index, known) for index, record in enumerate(records))
 
     changed = task.changed(change)
     return replace(changed, model=model, job=replace(changed.job, model=model, surveys=()))

@@ -126,6 +126,8 @@ def _grown(job: Job, effects: Sequence[Effect], index: int, point: FloatArray) -
             yield links.grown(effect)
         elif isinstance(effect, RowForce):
             yield force_rows(effect, calm, record, job.choice)
+        elif effect.record not in (None, index):
+            yield np.zeros_like(plain)
         else:
             size = tried_size(effect, record)
             # a record set right by so much lacks it

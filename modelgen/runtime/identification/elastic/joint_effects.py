@@ -16,8 +16,10 @@ from modelgen.runtime.identification.elastic.channel_errors import (
     runs_away,
 )
 from modelgen.runtime.identification.elastic.effect_rows import EffectRows
+from modelgen.runtime.identification.elastic.encoder_zeros import EncoderZero
 from modelgen.runtime.identification.elastic.row_forces import RowForce
 from modelgen.runtime.identification.thresholds import (
+    ALIGNED_APART,
     ALIKE_PART,
     AS_CERTAIN,
     LARGE_PART,
@@ -78,8 +80,18 @@ class JointEffects:
         pulled = np.array([self._pulled(place) for place in last])
         covariance = self._covariance[np.ix_(last, last)] + np.outer(pulled, pulled)
         columns = tuple(self.fit.columns[place] for place in own)
-        others = tuple(self._others(effect, known) for effect in known)
-        return SetRight(columns, tuple(known), tuple(known.values()), moves, covariance, others=others)
+        spread = np.sqrt(np.diag(covariance)).tolist()
+        records = self.rows.job.records
+        unsaid = tuple(
+            one
+            for (one, size), std in zip(known.items(), spread, strict=True)
+            if isinstance(one, EncoderZero)
+            and (abs(size) < ALIGNED_APART * std or not resolved(one, size, records))
+        )
+        # zeros are there whatever else is: nothing stands in their place
+        others = tuple(() if isinstance(one, EncoderZero) else self._others(one, known) for one in known)
+        sizes = tuple(known.values())
+        return SetRight(columns, tuple(known), sizes, moves, covariance, others=others, unsaid=unsaid)
 
     def _others(self, effect: Effect, known: Mapping[Effect, float]) -> tuple[Instead, ...]:
         """Return what explains the rows as well as an effect does, in its place."""
@@ -132,9 +144,12 @@ def joint_effects(rows: EffectRows, known: Sequence[Effect], rests: bool) -> Joi
     """
     chosen, model = [*known], rows.job.model
     forces = {actuator.key for actuator in model.actuators}
+    begun = not all(isinstance(one, EncoderZero) for one in known)
     while True:
         fit = rows.solved(chosen)
-        least = 0.0 if rests and (known or not chosen) else LARGE_PART
+        # a record of which rows use nothing has no zero
+        chosen = [one for one in chosen if one.name in fit.columns]
+        least = 0.0 if rests and (begun or len(chosen) <= len(known)) else LARGE_PART
         told = [one for one in _shown(rows, fit, chosen) if one.explained > least]
         # one channel tells the time of all others
         late = sum(effect.kind == "delay" for effect in chosen) + 1 == len(model.channels)
