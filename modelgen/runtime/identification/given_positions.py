@@ -49,6 +49,7 @@ from modelgen.runtime.identification.thresholds import (
     POINT_TOLERANCE,
     ROUNDING,
     SAME_RATIO,
+    TOLD_APART,
     WITHIN_NOISE,
 )
 from modelgen.runtime.least_squares.delays import with_holds
@@ -141,7 +142,7 @@ def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
     plain, held = _with_and_without_holds(task, task.changed(partial(with_holds, channels=drives)), kernel)
     if held is None or plain is None:
         return plain or (held and (held[0], replace(held[1], held=drives)))
-    of_plain, of_held = _misfit(plain[0]), _misfit(held[0])
+    of_plain, of_held = _misfit(plain[0])[0], _misfit(held[0])[0]
     if of_plain > of_held + AS_LIKELY:
         return held[0], replace(held[1], held=drives)
     alike = (held[1].point - plain[1].point,) if of_held < of_plain + AS_LIKELY else ()
@@ -167,20 +168,19 @@ def _with_and_without_holds(
 
 
 def _explained(task: Task, rest: Rest, kernel: DeflectedKernel) -> bool:
-    return explains(_on_time(task), kernel, rest.point) and np.isfinite(_misfit(task))
+    return explains(_on_time(task), kernel, rest.point) and _misfit(task)[1]
 
 
-def _misfit(task: Task) -> float:
-    """Return the logarithm of how unlikely rows about a place are, less a constant; of no arm infinite.
+def _misfit(task: Task) -> tuple[float, bool]:
+    """Return the logarithm of how unlikely rows about a place are, less a constant, and whether an arm is.
 
-    With links or motors of negative inertia rows of another place are explained as well. What is negative
-    through noise of the sensors alone says nothing of the place.
+    With links of negative inertia rows of another place are explained as well: it is less likely by what
+    tells places apart, and by no more, as rows that leave more hide a sign. What is noise says nothing.
     """
     model, job = task.model, _on_time(task)
     fit = run_wls(job)[1]
-    if impossible(model, fit) and impossible(model, less_noise(model, job.records, job.choice, fit)[0]):
-        return np.inf
-    return fit.count * left_by(fit)
+    none = impossible(model, fit) and impossible(model, less_noise(model, job.records, job.choice, fit)[0])
+    return fit.count * left_by(fit) + TOLD_APART * none, not none
 
 
 def _searched(task: Task, search: StartedSprings, scattered: bool = True) -> tuple[Task, Rest] | None:

@@ -269,7 +269,8 @@ MOST_ALIGNED_GAIN = 0.2
 LEAST_ALIGNED_SAMPLES, LEAST_ALIGNED_GAIN = 0.02, 1e-5
 
 # Of two estimates with bodies exchanged the less likely one is none where it is so by more, as a logarithm.
-# The true one has been less likely by 26, by what a model lacks beside and by colour of the residual.
+# The true one has been less likely by 26, by what a model lacks beside and by colour of the residual. By as
+# much is a place of springs less likely where something is negative that cannot be.
 TOLD_APART = 100.0
 # What nothing explains is tried once more without this share of every record at either end: brakes are
 # released and set within the first and the last half second of records of some seconds.

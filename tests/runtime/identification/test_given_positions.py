@@ -13,7 +13,7 @@ from modelgen.runtime.identification import given_positions
 from modelgen.runtime.identification.elastic import rest as rest_of_steps
 from modelgen.runtime.identification.elastic import steps_about
 from modelgen.runtime.identification.elastic.rest import Rest
-from modelgen.runtime.identification.thresholds import POINT_TOLERANCE
+from modelgen.runtime.identification.thresholds import POINT_TOLERANCE, TOLD_APART
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 
 NAMES = ("K", "M", "D")
@@ -161,7 +161,7 @@ def test_springs_are_sought_behind_held_commands(
     plain: Any = SimpleNamespace(misfit=left[0], goal=-GOAL, model=model, sets_channels_right=sets_right)
     plain.changed = lambda change: behind if change.keywords == {"channels": ("tau_1",)} else None
     monkeypatch.setattr(given_positions, "_on_time", lambda task: None)
-    monkeypatch.setattr(given_positions, "_misfit", lambda task: task.misfit)
+    monkeypatch.setattr(given_positions, "_misfit", lambda task: (task.misfit, True))
     monkeypatch.setattr(given_positions, "_explained", lambda task, rest, kernel: False)
     monkeypatch.setattr(
         given_positions, "_searched", lambda task, *_, **options: (task, Rest(task.goal, np.zeros(3), 0.0))
@@ -180,7 +180,11 @@ def test_springs_are_sought_behind_held_commands(
 def test_what_is_negative_through_noise_says_nothing_of_a_place(
     monkeypatch: pytest.MonkeyPatch, through_noise: bool
 ) -> None:
-    """A damper of which nearly all was noise had places refused that explain the rows."""
+    """A damper of which nearly all was noise had places refused that explain the rows.
+
+    Nor is another one a reason to take any place instead: rows of held commands that left far more hid the
+    damper, were taken, and commands were said to be held that no drive held.
+    """
     fit, freed = SimpleNamespace(count=3), SimpleNamespace(count=3)
     monkeypatch.setattr(given_positions, "_on_time", lambda task: task.job)
     monkeypatch.setattr(given_positions, "run_wls", lambda job: (None, fit))
@@ -189,7 +193,8 @@ def test_what_is_negative_through_noise_says_nothing_of_a_place(
     monkeypatch.setattr(given_positions, "impossible", lambda model, one: one is fit or not through_noise)
     job = SimpleNamespace(records=(), choice=None)
     task: Any = SimpleNamespace(model=None, job=job)
-    assert given_positions._misfit(task) == (6.0 if through_noise else np.inf)
+    expected = (6.0, True) if through_noise else (6.0 + TOLD_APART, False)
+    assert given_positions._misfit(task) == expected
 
 
 @pytest.mark.parametrize("explained", [False, True])

@@ -52,7 +52,7 @@ def with_aligned_channels(task: Task, rest: Drifting | None) -> tuple[Task, Drif
     if held:
         plain = task.doubts
         task = replace(task, doubts=lambda: (*plain(), told_holds(held)))
-    changed, found = with_channels_set_right(task, near_by)
+    changed, found = with_channels_set_right(task, near_by, held)
     if found is None:
         return without_damper_images(task, held), rest
     if found.changes_records:

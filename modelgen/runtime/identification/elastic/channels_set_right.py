@@ -7,7 +7,7 @@ channels by large stiffnesses: half a sample of a force that a drive holds is a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from numbers import Real
@@ -54,7 +54,9 @@ Again = Callable[[Task], Task | None]
 Begun = tuple[Task, dict[Effect, float]]
 
 
-def with_channels_set_right(task: Task, again: Again) -> tuple[Task, SetRight | None]:
+def with_channels_set_right(
+    task: Task, again: Again, known: Collection[str] = ()
+) -> tuple[Task, SetRight | None]:
     """Return the task of an elastic arm with records whose channels are on time, at zero and to scale.
 
     The same task, and None, where rows show nothing that matters. Of long records the middle is looked at.
@@ -64,6 +66,8 @@ def with_channels_set_right(task: Task, again: Again) -> tuple[Task, SetRight | 
     task : Task
     again : callable
         Gives the task with rows about the estimate of its records, from near by; None where there is none.
+    known : collection of str
+        Forces that are taken as held already.
     """
     step("looking for channels that are late or off zero")
     parts = tuple(part_tried(record, ALIGNED_ON) for record in task.records)
@@ -73,14 +77,17 @@ def with_channels_set_right(task: Task, again: Again) -> tuple[Task, SetRight | 
     every = (*channels, *row_forces(task.model), *link_forces(task.model, len(parts)))
     zeros = tuple(one for one in channels if isinstance(one, EncoderZero))
     begun = _with_zeros(tried, again, zeros)
-    found = _come_to_rest(tried, again, every, begun) or _come_to_rest(tried, again, zeros, begun)
+    found = _come_to_rest(tried, again, every, begun)
+    if found is None and zeros:
+        found = _come_to_rest(tried, again, zeros, begun)
     if found is None:
         return task, None
-    for held in _held(found):
+    for held in _held(found) if not known else ():
         # the average that a hold is looks like inertia
         hold = partial(with_holds, channels=held)
         other = _with_holds(tried.changed(hold), again, every, found)
-        if other is None or other.misfit > found.misfit + AS_LIKELY:
+        # every delay that is free gains a little by noise
+        if other is None or other.misfit > found.misfit + AS_LIKELY * len(found.commands):
             continue
         # one that does not hold is late by half a sample as the mean of what it holds
         if not set(held).intersection(other.early):

@@ -236,3 +236,24 @@ def test_what_explains_the_rows_as_well_is_said_and_held() -> None:
     assert "or tau_1 is late by 1e+03 us: the intervals hold for either" in said.what
     fit: Any = SimpleNamespace(columns=("D_1", "K_1"))
     assert np.array_equal(right.drift(fit), [[16.0, -12.0], [-12.0, 9.0]])
+
+
+@pytest.mark.parametrize("known", [(), ("tau_1",)])
+def test_forces_that_are_taken_as_held_are_not_held_once_more(
+    monkeypatch: pytest.MonkeyPatch, known: tuple[str, ...]
+) -> None:
+    """Late by half a sample is what a hold adds: held once more commands were late by a whole one."""
+    model, read, _ = made()
+    task = prepared(model, [Record(read, FS)], Auto(), Filters(cutoff_hz=60.0), CheckOptions())
+    late, none = delay_effect("tau_1"), np.zeros((1, 1))
+    right = SetRight(("K1",), (late,), (5e-4,), none, none)
+    tried = []
+
+    def rests(given: Any, *more: Any, held: bool = False) -> channels_set_right._Aligned:
+        tried.append(held)
+        return channels_set_right._Aligned(given, {late: 5e-4}, right, 0.0)
+
+    monkeypatch.setattr(channels_set_right, "_come_to_rest", rests)
+    monkeypatch.setattr(channels_set_right, "_with_zeros", lambda task, *more: (task, {}))
+    channels_set_right.with_channels_set_right(task, lambda changed: None, known)
+    assert (True in tried) == (not known)
