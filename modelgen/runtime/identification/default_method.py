@@ -22,7 +22,7 @@ from modelgen.runtime.identification.explanation.best_cutoff import (
     calmer,
 )
 from modelgen.runtime.identification.explanation.commands import held_commands
-from modelgen.runtime.identification.explanation.commands.held_images import with_readings_at_changes
+from modelgen.runtime.identification.explanation.commands.felt_commands import with_readings_at_changes
 from modelgen.runtime.identification.explanation.explain_stretches import (
     decided_by_stretches,
     explained_by_stretches,

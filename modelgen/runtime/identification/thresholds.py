@@ -52,6 +52,9 @@ STEPS_TAKEN = 2e-3
 FELT_AT_ONCE = 1e-6
 # Channels may be late by these parts of a sample where a hold leaves as little.
 PARTS_LATE = (-0.5, -0.25, 0.25, 0.5)
+# A command is held over a whole sample, or over a part of one, of which these are tried; what is likeliest is
+# found between them. Instruments tell it by what lengths this share of it apart leave.
+HOLDS_TRIED, SHARPENED_HOLD = (0.0625, 0.125, 0.25, 0.5), 0.1
 # Nearer to half a sample than this delays are not known, in samples.
 LEAST_APART = 0.01
 # Rounds in which a command is taken as held, at most; done when it moves by less than this share of a sample.

@@ -69,10 +69,14 @@ def with_means_undone(records: Sequence[Record], lengths: Mapping[str, float]) -
     )
 
 
-def with_holds(records: Sequence[Record], channels: Sequence[str]) -> tuple[Record, ...]:
-    """Return the records with the commands in `channels` replaced by what a zero-order hold makes of them."""
+def with_holds(records: Sequence[Record], channels: Sequence[str], length: float = 1.0) -> tuple[Record, ...]:
+    """Return the records with the commands in `channels` replaced by what a zero-order hold makes of them.
+
+    `length` says over how many samples they are held.
+    """
     return tuple(
-        record.edited({key: hold(key) for key in channels if key in record.signals}) for record in records
+        record.edited({key: hold(key, length) for key in channels if key in record.signals})
+        for record in records
     )
 
 

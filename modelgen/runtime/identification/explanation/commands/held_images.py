@@ -6,43 +6,30 @@ rigid body at f (pi f / fs)^4 / 15, in opposite phase, of its speed (pi f / fs)^
 half of fs. What is folded follows from the command that is known and from the parameters, of which an error
 of a percent is one of a percent of very little (Astrom and Wittenmark 1997, ch. 2: sampled systems).
 
-An accelerometer on the body that a motor drives feels the command itself, and its steps: read at the instants
-of these, just after or just before them, it is as much as half a sample away from the force.
+An accelerometer on the body that a motor drives feels the command itself, and its steps (`felt_commands`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from modelgen.array_types import ComplexArray, FloatArray
-from modelgen.errors import DataError, IdentifiabilityError, listed
-from modelgen.runtime.advice import Advice
-from modelgen.runtime.identification.cutoffs.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.explanation.commands.rest_of_commands import held_for, rest_of
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
-    delays_of,
-    gained,
-    run_method,
 )
-from modelgen.runtime.identification.job import Change, Job
-from modelgen.runtime.identification.methods import Auto
+from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import FELT_AT_ONCE, HALF_SAMPLE, PARTS_LATE, STEPS_TAKEN
+from modelgen.runtime.identification.thresholds import STEPS_TAKEN
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
-from modelgen.runtime.iv.thresholds import AS_LIKELY
-from modelgen.runtime.least_squares.delays import advanced, with_holds
 from modelgen.runtime.least_squares.time_shifts import behind, hold, plus, shift, steps_only
-from modelgen.runtime.model.chain_matrices import body_inertias
-from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.matrix_exponential import matrix_exponential
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.simulation.plant import Plant, felt_accelerations, make_plant, possible
+from modelgen.runtime.simulation.plant import Plant, make_plant, possible
 
 
 @dataclass(frozen=True)
@@ -57,10 +44,14 @@ class HoldKind:
     behind : int, optional
         What feels a command at once is read just after its change (0), or just before (1). None where it is
         read as rows take it, without images: behind a filter, or not at all.
+    length : float
+        Over how many samples a command is held: part of one where its controller acts more often than it is
+        recorded.
     """
 
     rest: Mapping[str, float] | None = None
     behind: int | None = None
+    length: float = 1.0
 
 
 def without_images(task: Task, delays: Mapping[str, float], known: Begun, kind: HoldKind) -> Task:
@@ -100,15 +91,16 @@ def _cleaned(record: Record, plant: Plant, delays: Mapping[str, float], kind: Ho
             rest = rest.edited({key: plus(key, held), rest_of(key): shift(key, late)})
         record = rest
     for key in found:
-        record = _without(record, held, plant, key, delays[key] * record.fs, kind.behind)
+        record = _without(record, held, plant, key, delays[key] * record.fs, kind)
     return record
 
 
-def _without(record: Record, held: Record, plant: Plant, key: str, late: float, last: int | None) -> Record:
+def _without(record: Record, held: Record, plant: Plant, key: str, late: float, kind: HoldKind) -> Record:
     """Return a record without what images of one command, late by so many samples, add to the sensors.
 
-    `held` has what is held of it; `last` is `HoldKind.behind`.
+    `held` has what is held of it.
     """
+    last, length = kind.behind, kind.length
     model = plant.model
     column = [entry.key for entry in model.actuators].index(key)
     space = plant.space((1,) * len(plant.sticking))
@@ -116,104 +108,13 @@ def _without(record: Record, held: Record, plant: Plant, key: str, late: float, 
     for place, sensor in enumerate(model.sensors):
         direct = space.D[place, column]
         if sensor.key in record.signals and not (direct and last is None):
-            response = folded(space.A, space.B[:, column], space.C[place], record.fs, late)
+            response = folded(space.A, space.B[:, column], space.C[place], record.fs / length, late / length)
             if last is not None and direct:
-                response = partial(_with_direct, moved=response, direct=direct, late=late, last=last)
+                response = partial(_with_direct, moved=response, direct=direct, late=late / length, last=last)
+            response = partial(_of_periods, response, length)
             image = held.edited({sensor.key: behind(key, response, abs(late), 0.0)})
             edits[sensor.key] = plus(sensor.key, image, -1.0)
     return record.edited(edits)
-
-
-def with_readings_at_changes(task: Task, method: Auto, decide: Callable[[Task, Auto], Begun]) -> Begun:
-    """Return what a task becomes where sensors may feel commands at once, and be read as these change.
-
-    Parameters
-    ----------
-    task : Task
-    method : Auto
-    decide : callable
-        Takes a task and its method to the estimate. If commands are read so, the task has them as a drive
-        holds them, and no images in the sensors.
-    """
-    keys = tuple(method.held) or task.job.late
-    sensors = felt_at_once(task.model, keys)
-    if not sensors or not task.checks.drift_check or len({record.fs for record in task.records}) > 1:
-        return decide(task, method)
-    last, changes = _read_at_changes(with_predicted_cutoff(task, consistent=True), method, keys, sensors)
-    if not changes:
-        return decide(task, method)
-    begun = decide(task.changed(*changes), replace(method, held=()))
-    if method.held:
-        return begun
-    what = (
-        f"is held over every sample, and {listed(sensors)} read just {('after', 'before')[last]} it changes; "
-        "they are taken for that"
-    )
-    advice = tuple(Advice("more than the model", key, what, f"name it (--held {key})") for key in keys)
-    return replace(begun, found=replace(begun.found, advice=(*advice, *begun.found.advice)))
-
-
-def _read_at_changes(
-    task: Task, method: Auto, keys: tuple[str, ...], sensors: Sequence[str]
-) -> tuple[int, tuple[Change, ...]]:
-    """Return whether `sensors` are read just after changes of the commands `keys` (0) or just before (1).
-
-    And what takes the commands as a drive holds them and images off the sensors: nothing if they are read
-    otherwise. Least squares decides, as it takes little time; instruments give the parameters of the images.
-    """
-    look = partial(run_method, method=method.least_squares)
-    try:
-        plain = look(task)
-    except (IdentifiabilityError, DataError):
-        return 0, ()
-    fs, delays = task.records[0].fs, delays_of(plain)
-    # a hold that is told is half a sample late already
-    late = {key: delays.get(key, 0.0) * fs - (0.5 if method.held else 0.0) for key in keys}
-    if any(abs(one - round(one)) > HALF_SAMPLE for one in late.values()):
-        return 0, ()
-    held = task if method.held else task.changed(partial(with_holds, channels=keys))
-
-    def cleaned(last: int, known: Begun) -> Task:
-        at = {key: (round(one) + last) / fs for key, one in late.items()}
-        return without_images(held, at, known, HoldKind(behind=last))
-
-    gained_by = partial(_gained, plain, look, quiet_job(task))
-    by = [gained_by(cleaned(last, plain), () if method.held else keys) for last in (0, 1)]
-    # channels that are late by a part of a sample leave as little: a hold has to leave less than these
-    others = [key for key in task.records[0].signals if key not in {*keys, *sensors}]
-    late_ones = [task.changed(partial(_later, keys=others, by_s=part / fs)) for part in PARTS_LATE]
-    if max(by) < AS_LIKELY + max(0.0, *(gained_by(one) for one in late_ones)):
-        return 0, ()
-    last, known = int(np.argmax(by)), plain
-    for run in (look, partial(run_method, method=method.instrumental)):
-        with suppress(IdentifiabilityError, DataError):
-            known = run(cleaned(last, known))
-    return last, cleaned(last, known).changes[len(task.changes) :]
-
-
-def felt_at_once(model: Model, keys: Collection[str]) -> list[str]:
-    """Return the sensors that feel some of these forces at once: accelerometers on what they drive."""
-    driven = [one.body for one in model.actuators if one.key in keys]
-    places = [place for place, (body, _) in enumerate(body_inertias(model)) if body in driven]
-    if not places or not any(sensor.order == 2 for sensor in model.sensors):
-        return []
-    felt = np.abs(felt_accelerations(model))
-    at_once = felt[:, places].max(axis=1) > FELT_AT_ONCE * felt.max(axis=1)
-    return [sensor.key for sensor, one in zip(model.sensors, at_once.tolist(), strict=True) if one]
-
-
-def _later(records: tuple[Record, ...], keys: Collection[str], by_s: float) -> tuple[Record, ...]:
-    return tuple(advanced(record, dict.fromkeys(keys, by_s)) for record in records)
-
-
-def _gained(
-    plain: Begun, look: Callable[[Task], Begun], quiet: Job, task: Task, held: Collection[str] = ()
-) -> float:
-    """Return by how much more likely the estimate of a task is; nothing where there is none."""
-    try:
-        return gained(plain, look(task), quiet, dict.fromkeys(held, 1.0))
-    except (IdentifiabilityError, DataError):
-        return -np.inf
 
 
 def quiet_job(task: Task) -> Job:
@@ -279,9 +180,16 @@ def _with_direct(
     A reading near the instant of a change is the command of that instant, or that before; between its
     changes either count gives the same one.
     """
-    given = np.exp(-2j * np.pi * frequency * (round(-late) + last))
+    given = np.exp(-2j * np.pi * frequency * (last - late))
     held = np.sinc(frequency) * np.exp(-1j * np.pi * frequency)
     return np.asarray(moved(frequency) + direct * (given / held - np.exp(2j * np.pi * frequency * late)))
+
+
+def _of_periods(
+    response: Callable[[FloatArray], ComplexArray], length: float, frequency: FloatArray
+) -> ComplexArray:
+    """Return a response to a command that is held over so many samples, at frequencies in cycles a sample."""
+    return response(length * frequency)
 
 
 def _over(A: FloatArray, B: FloatArray, time_s: float) -> tuple[FloatArray, FloatArray]:
