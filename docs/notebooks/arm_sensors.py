@@ -74,9 +74,9 @@ fast = JointReference(JointMotion(*planned.trajectory.at(times), 1000.0), "fast"
 
 def percent(found: object, name: str) -> str:
     """Half of the interval of a parameter, relative to its value."""
-    if isinstance(found, ModelgenError) or name not in found.params:
+    if isinstance(found, ModelgenError) or name not in found.deviations:
         return "–"
-    return f"{196.0 * found.bse[name] / abs(values[name]):.2g}"
+    return f"{196.0 * found.deviations[name] / abs(values[name]):.2g}"
 
 
 wanted = ("K_1", "D_1", "K_2", "D_2", "Ia_1", "Fs_1")

@@ -91,13 +91,13 @@ def predictions(arm: ArmSpec, given: Mapping[str, Any], references: Sequence[Joi
     truth = dict(zip(model.base_parameters, base.tolist(), strict=True))
     springs = [name for name, role in model.roles.items() if role.role in TOLD and name in truth]
     told: dict[str, dict[str, float]] = {}
-    for name, estimate in found.items():
-        if isinstance(estimate, ModelgenError):
-            refused[name] = estimate.problems[0].what
+    for name, promised in found.items():
+        if isinstance(promised, ModelgenError):
+            refused[name] = promised.problems[0].what
             continue
         told[name] = {
             one: 196.0 * std / abs(truth[one]) if truth.get(one) else float("inf")
-            for one, std in estimate.bse.items()
+            for one, std in promised.deviations.items()
         }
     stiff = [name for name in springs if model.roles[name].role == "stiffness"]
 
@@ -135,7 +135,7 @@ def prediction_tables(described: Description) -> Group:
     within = [entry["sensor_set"] for entry in described["sets"] if entry["within"]]
     wanted = f"stiffness within {described['wanted_percent']:g} %"
     lines = [f"{wanted}: {', '.join(within)}" if within else f"no set gives {wanted}"]
-    lines += ["simulated in closed loop (PD of 10 Hz at the motors), with noise, and identified by wls"]
+    lines += ["simulated in closed loop (PD of 10 Hz at the motors), with noise, and identified"]
     lines += [f"{name}: {reason}" for name, reason in described["refused"].items()]
     title = "Predicted half widths of 95 % intervals"
     return Group(
