@@ -31,7 +31,6 @@ from modelgen.runtime.identification.explanation.explain_stretches import (
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
     exceeding,
-    gained,
     run_method,
     unexplained,
     with_note,
@@ -52,6 +51,7 @@ from modelgen.runtime.identification.explanation.simulated_directions import (
     explained_with_directions,
     with_simulated_directions,
 )
+from modelgen.runtime.identification.explanation.what_is_left import gained
 from modelgen.runtime.identification.explanation.wider_directions import with_wider_directions
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, Auto

@@ -149,8 +149,9 @@ KNOWN_BETTER = 0.05
 # Samples of a record that cut-offs are tried on, and stretches of it in which their estimates are compared.
 SAMPLES_TRIED, STRETCHES_TRIED = 1 << 17, 1 << 10
 
-# So many effects at a time are estimated in turn, if they explain this share of what the first one does.
-MOST_TRIED, TRIED_TOO = 3, 0.3
+# So many effects at a time are estimated in turn, if they explain this share of what the first one does; and
+# as many that are as sure, in deviations, as this share of the surest.
+MOST_TRIED, TRIED_TOO, AS_SURE = 3, 0.3, 0.9
 # Parameters that vary, not certain along a tangent, are likely from this share of the residual's power on:
 # far from the truth a tangent tells half of a size, and what it leaves is in the deviation.
 SUSPECTED = 0.1

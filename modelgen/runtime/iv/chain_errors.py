@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
+from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.filters.derivatives import differentiate, integral
 from modelgen.runtime.filters.low_cosines import slowest
 from modelgen.runtime.filters.zero_phase import zero_phase
@@ -140,8 +141,11 @@ def _spring(
     def changes(simulated: Simulated, size: float) -> Changes:
         if not size:
             return pushed_link(simulated, stiffness, form(deflection(simulated, stiffness)))
-        lever = deflection_of(simulated.plant, stiffness)
-        give = size / simulated.plant.parameters[stiffness]
+        lever, value = deflection_of(simulated.plant, stiffness), simulated.plant.parameters[stiffness]
+        if not value:
+            what = "is zero at the estimate: its link carries no force that may depend on its deflection"
+            raise IdentifiabilityError.at(stiffness, what, "excite the link more")
+        give = size / value
         return Pushed(simulated, lever, -form(_deflection(simulated, lever, lambda d: give * form(d))))
 
     return changes

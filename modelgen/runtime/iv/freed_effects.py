@@ -52,6 +52,8 @@ class Freed:
         Of the effects.
     others : tuple of tuple of array
         How Y - W X grows with delays and effects, one array a block each.
+    at : tuple of float
+        The sizes that the records of `setting` are set right for: the last step to `sizes` is in the rows.
     """
 
     observation: Observation
@@ -60,11 +62,17 @@ class Freed:
     sizes: tuple[float, ...] = ()
     stds: tuple[float, ...] = ()
     others: Grown = ()
+    at: tuple[float, ...] = ()
 
     @property
     def late_forces(self) -> dict[str, float]:
         """By how many s forces are recorded late, where that was estimated with the fit."""
         return {channel: late for channel, late, _ in self.fit.delays}
+
+    @property
+    def certainty(self) -> float:
+        """How many standard deviations the last effect's size is."""
+        return abs(self.sizes[-1]) / max(self.stds[-1], float(np.finfo(float).tiny))
 
 
 def fit_with_effects(
@@ -136,8 +144,8 @@ def fit_with_effects(
             last = larger if finish is None else finish(larger)
             more = (last.solution.x - larger.solution.x)[c:]
             fit, stds = _alone(last, plain, (*late, *grown), delays, more)
-            fit, sizes = replace(fit, notes=start.notes), sizes + more[len(late) :]
-            return Freed(observation, fit, here, tuple(sizes.tolist()), stds, (*late, *grown))
+            fit, there = replace(fit, notes=start.notes), tuple((sizes + more[len(late) :]).tolist())
+            return Freed(observation, fit, here, there, stds, (*late, *grown), tuple(sizes.tolist()))
         # what goes to and fro comes to rest with shorter steps
         length = SHORTER * length if float(relative @ before) < 0.0 else min(1.0, length / SHORTER)
         before = relative

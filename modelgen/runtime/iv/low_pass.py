@@ -214,10 +214,10 @@ def without_average(key: str, size: float, fs: float) -> Edit:
 def noise_passed(effect: Effect, size: float, frequency_hz: FloatArray, fs: float) -> FloatArray:
     """Return what setting a channel right makes of its noise, as a share of its power, shape (lines,).
 
-    One for what is no low-pass; fs in Hz.
+    One for what is neither a low-pass nor a gain; fs in Hz.
     """
     if effect.response is None or not size:
-        return np.ones(len(frequency_hz))
+        return np.full(len(frequency_hz), (1.0 + size) ** -2 if effect.kind == "gain" else 1.0)
     return np.asarray(np.abs(effect.response(size, fs)(frequency_hz / fs)) ** 2)
 
 

@@ -22,10 +22,11 @@ from modelgen.runtime.iv.low_pass import (
     undone_high_pass,
     without_starts,
 )
+from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.model.model import model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
-from tests.runtime.two_mass_records import TRUTH
+from tests.runtime.two_mass_records import RAMPS, SMALL, TRUTH
 
 FS, FINE = 5000.0, 8
 QM_AC = model_from_module(emps300_qm_ac)
@@ -54,6 +55,11 @@ def test_two_poles_are_made_and_undone_below_a_tenth_of_the_sampling_frequency(
     np.testing.assert_allclose(made[middle], behind.real[middle], atol=1e-5)
     passed = noise_passed(effect, late / FS, np.array([frequency * FS]), FS)
     assert passed[0] == pytest.approx(float(np.abs(1.0 + s + bend * s**2)) ** 2)
+
+
+def test_a_gain_that_is_set_right_makes_as_much_less_of_noise() -> None:
+    effect = next(one for one in effects_of(SMALL, ("m", "c"), RAMPS) if one.name == "gain of q_c")
+    np.testing.assert_allclose(noise_passed(effect, 0.25, np.array([1.0, 100.0]), FS), 0.64)
 
 
 @pytest.mark.parametrize("force", [True, False])

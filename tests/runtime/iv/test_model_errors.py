@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from generated import emps_rigid_qm
+from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
@@ -266,6 +267,15 @@ def test_a_size_means_the_same_in_every_record(name: str, power: int) -> None:
     for key, samples in of_small.items():
         scale = float(np.max(np.abs(samples)))
         np.testing.assert_allclose(of_large[key], 3.0**power * samples, atol=1e-9 * 3.0**power * scale)
+
+
+def test_a_link_without_stiffness_has_no_force_that_stiffens() -> None:
+    one = simulated_pair(1.0)[0]
+    without = replace(one, plant=replace(one.plant, parameters={**one.plant.parameters, "K": 0.0}))
+    at = EFFECTS["stiffening of K"].at
+    assert at is not None
+    with pytest.raises(IdentifiabilityError, match="K: is zero at the estimate"):
+        at(without, 1e-3)
 
 
 def test_friction_that_falls_with_the_speed_has_one_speed_for_all_records() -> None:

@@ -21,9 +21,9 @@ from modelgen.runtime.identification.explanation.commands.rest_of_commands impor
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
     late_forces,
-    left_less,
     with_note,
 )
+from modelgen.runtime.identification.explanation.what_is_left import left_less
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LONGEST_MEAN, SHORTEST_MEAN, WHOLE_SAMPLE
 from modelgen.runtime.iv.effect import LOW_PASSES

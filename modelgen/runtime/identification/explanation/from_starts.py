@@ -21,8 +21,6 @@ from modelgen.runtime.identification.explanation.explained import (
     begun_at,
     begun_with,
     exceeding,
-    gained,
-    on_common_samples,
     run_method,
     with_carried_effects,
 )
@@ -31,6 +29,7 @@ from modelgen.runtime.identification.explanation.simulated_directions import (
     left_a_sample,
     with_simulated_directions,
 )
+from modelgen.runtime.identification.explanation.what_is_left import gained, left_of_each
 from modelgen.runtime.identification.explanation.wider_directions import with_wider_directions
 from modelgen.runtime.identification.job import Change, Job
 from modelgen.runtime.identification.methods import IV
@@ -68,7 +67,7 @@ def with_starts(task: Task, method: IV) -> Begun | None:
     if not found:
         return None
     # of those that leave as little, the one that needs least for it
-    left = [fit.misfit for fit in on_common_samples([freed.fit for _, freed in found])]
+    left = left_of_each(job, [(freed.fit, start.effects, freed.at or freed.sizes) for start, freed in found])
     alike = [entry for entry, misfit in zip(found, left, strict=True) if misfit < min(left) + AS_LIKELY]
     start, freed = min(alike, key=lambda entry: len(entry[0].effects))
     none, effects = np.zeros((len(freed.fit.columns),) * 2), start.effects

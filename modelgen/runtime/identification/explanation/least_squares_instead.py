@@ -21,12 +21,12 @@ from modelgen.runtime.identification.explanation.explain_stretches import (
 )
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
-    left_less,
     run_method,
     with_note,
 )
 from modelgen.runtime.identification.explanation.other_weights import other_weights
 from modelgen.runtime.identification.explanation.simulated_directions import directed, takes_directions
+from modelgen.runtime.identification.explanation.what_is_left import left_less
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import Auto, Method

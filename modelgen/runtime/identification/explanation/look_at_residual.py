@@ -14,7 +14,7 @@ from modelgen.runtime.identification.explanation.folded_forces import folded_for
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import MOST_TRIED, OVER_NOISE, SUSPECTED
 from modelgen.runtime.iv.companion_simulation import Simulated
-from modelgen.runtime.iv.effect import LOW_PASSES, Effect, unlike
+from modelgen.runtime.iv.effect import DIRECTION, LOW_PASSES, Effect, unlike
 from modelgen.runtime.iv.effect_rows import effect_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
@@ -32,7 +32,6 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.numerics.few_instants import USUAL
 from modelgen.runtime.numerics.tails import normal_beyond
-from modelgen.runtime.records.record import Record
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +103,8 @@ def look(
         noise = noise_rows(now.fit, now.setting, simulated, seen, shown, known, now.sizes)
         found = _without_noise(found, span, dict(zip(seen, shown, strict=True)), noise)
     found = _beyond_rounding(found, span, (tested, rows), now, simulated)
-    forces, records = now.late_forces, job.records
-    beyond = {one.effect.name for one in found if not believable(one.effect, one.size, forces, records)}
+    forces = now.late_forces
+    beyond = {one.effect.name for one in found if not believable(job, one.effect, one.size, forces)}
     found = tuple(
         replace(one, matters=False, likely=False) if one.effect.name in beyond else one for one in found
     )
@@ -238,9 +237,14 @@ def likely_of(found: Sequence[Score]) -> list[Score]:
     ]
 
 
-def believable(effect: Effect, size: float, late: Mapping[str, float], records: Sequence[Record]) -> bool:
-    """Tell whether an effect has a size that its channel can have; `late` says by how many s forces are."""
-    fs = min(record.fs for record in records)
+def believable(job: Job, effect: Effect, size: float, late: Mapping[str, float]) -> bool:
+    """Tell whether an effect has a size that its channel can have; `late` says by how many s forces are.
+
+    A low-pass moves the zeros of a velocity by less than half a period of its cut-off.
+    """
+    if effect.kind == DIRECTION and 2.0 * abs(size) * job.choice.direction_cutoff_hz > 1.0:
+        return False
+    fs = min(record.fs for record in job.records)
     return not effect.runs_away(size, fs) and effect.follows(size, late, fs)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,7 +11,6 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.identification.explanation.explained import left_less, on_common_samples, unlikely
 from modelgen.runtime.identification.explanation.look_at_residual import (
     Seen,
     believable,
@@ -20,8 +20,10 @@ from modelgen.runtime.identification.explanation.look_at_residual import (
     moves_of_forms,
     varied,
 )
+from modelgen.runtime.identification.explanation.what_is_left import Equal, left_of_each
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
+    AS_SURE,
     HALF_SAMPLE,
     INEXACT,
     LEAST_CLOCK_DRIFT,
@@ -34,22 +36,13 @@ from modelgen.runtime.identification.thresholds import (
     SEARCH_STEPS,
     TRIED_TOO,
 )
-from modelgen.runtime.iv.effect import AT_REVERSALS, LATE, LOW_PASSES, RIPPLE, Effect
+from modelgen.runtime.iv.effect import AT_REVERSALS, LATE, RIPPLE, Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.iv.shapes.shaped_effects import fit_in_shape
 from modelgen.runtime.iv.thresholds import AS_LIKELY, EFFECT_ROUNDS, LEVEL, LITTLE_OWN
 from modelgen.runtime.iv.told_effects import below_noise, left_of
 from modelgen.runtime.numerics.tails import normal_beyond
-
-
-@dataclass(frozen=True, eq=False)
-class Equal:
-    """An effect that leaves as little as the one that is taken, with its size, and X with it estimated."""
-
-    effect: Effect
-    size: float
-    x: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +124,16 @@ class Search:
     def _leads_on(self, effects: Sequence[Effect], freed: Freed) -> bool:
         """Tell whether effects are new together, and leave no more a sample than those estimated now."""
         most = AS_LIKELY * (1 + max(len(self.effects) + 1 - len(effects), 0))
-        return _names(effects) not in self.before and left_less(freed.fit, self.now.fit) < most
+        return _names(effects) not in self.before and self._gained(effects, freed) > -most
+
+    def _gained(self, effects: Sequence[Effect], freed: Freed) -> float:
+        now, then = self._left((self.effects, self.now), (effects, freed))
+        return now - then
+
+    def _left(self, *found: tuple[Sequence[Effect], Freed]) -> list[float]:
+        # encoders round the same motion in all
+        every = [(freed.fit, effects, freed.at or freed.sizes) for effects, freed in found]
+        return left_of_each(self.job, every, self.now.fit.simulated)
 
     def told(self, seen: Seen) -> list[bool]:
         """Tell of each effect that is estimated whether it is certain, and large enough to be named."""
@@ -146,9 +148,9 @@ class Search:
         least = normal_beyond(0.5 * LEVEL)
         for effect in shapes:
             found = self._freed(effect)
-            if found is None or left_less(self.now.fit, found[1].fit) <= AS_LIKELY:
+            if found is None or abs(found[1].sizes[-1]) <= least * found[1].stds[-1]:
                 continue
-            if abs(found[1].sizes[-1]) > least * found[1].stds[-1]:
+            if self._gained(*found) > AS_LIKELY:
                 yield found[0][-1], *found
 
     def _holding(self, score: Score, *advice: Advice) -> Search:
@@ -158,13 +160,17 @@ class Search:
         return replace(self, drift=drift, advice=(*self.advice, *advice), ended=True)
 
     def _tried(self, shown: Sequence[Score]) -> Iterator[tuple[Effect, tuple[Effect, ...], Freed]]:
-        """Yield effects that explain much, all that is estimated with each, and the fit.
+        """Yield effects that explain much or are surest, all that is estimated with each, and the fit.
 
-        Far from the truth the shares that effects explain are shares along a tangent only.
+        Far from the truth the shares that effects explain are shares along a tangent only, and of rows that
+        are mostly noise what is nearly a column explains next to nothing, however sure it is.
         """
         if not shown:
             return
         likely = [one for one in shown if one.explained >= TRIED_TOO * shown[0].explained][:MOST_TRIED]
+        sure = [abs(one.size) / one.std for one in shown]
+        surest = [one for one, many in zip(shown, sure, strict=True) if many >= AS_SURE * max(sure)]
+        likely += [one for one in surest[:MOST_TRIED] if one not in likely]
         known = {effect.name for effect in self.effects}
         own = known | {one.effect.name for one in likely}
         every = [(one.effect, *(form for form in one.effect.forms if form.name not in own)) for one in likely]
@@ -206,20 +212,17 @@ class Search:
         self, effects: tuple[Effect, ...], sizes: tuple[float, ...]
     ) -> tuple[tuple[Effect, ...], Freed] | None:
         """Return the effects, in the shape that is found, and the fit; None where there is none."""
-        job = self.job
-        try:
-            return fit_in_shape(
-                job.setting(), job.calm, self.now.fit, effects, sizes, job.sharpened, EFFECT_ROUNDS
-            )
-        except (IdentifiabilityError, DataError):
-            return None
+        job, fit = self.job, self.now.fit
+        with suppress(IdentifiabilityError, DataError):
+            return fit_in_shape(job.setting(), job.calm, fit, effects, sizes, job.sharpened, EFFECT_ROUNDS)
+        return None
 
     def _is_real(self, effect: Effect, size: float, late: Mapping[str, float]) -> bool:
         """Tell whether physics allows a size, and it is not next to nothing."""
         nothing = (effect.kind == "clock" and self._out_of_step(effect, size) < LEAST_CLOCK_DRIFT) or (
             effect.kind in LEAST_SIZE and abs(size) < LEAST_SIZE[effect.kind]
         )
-        return effect.possible(size) and not nothing and believable(effect, size, late, self.job.records)
+        return effect.possible(size) and not nothing and believable(self.job, effect, size, late)
 
     def _inexact(self, effect: Effect, freed: Freed) -> float:
         """Return the share to which what an effect moves is unknown; a ripple's harmonics would be left."""
@@ -233,7 +236,7 @@ class Search:
         return abs(size) * max(record.fs for record in self.job.records) if effect.kind in LATE else np.inf
 
     def _rarity(self, effect: Effect) -> int:
-        """Return how rare an effect is among those that leave as little."""
+        """Return how rare an effect is: forces are late more often than sensors, these than off a clock."""
         late = effect.kind == "delay" and effect.channel in self.job.late
         return 0 if late else 2 if effect.kind == "clock" else 1
 
@@ -248,17 +251,13 @@ class Search:
         return late < least or rounded or below_noise(effect, size, self.job.records)
 
     def _with(self, tried: Sequence[tuple[Effect, tuple[Effect, ...], Freed]]) -> Search:
-        """Return the search with the effect that leaves least; of equals the one that explained most.
-
-        Forces are late more often than sensors, and either more often than it has a clock of its own.
-        """
-        fits = on_common_samples([freed.fit for _, _, freed in tried])
-        left, every_kind = [fit.misfit for fit in fits], {one.kind for _, every, _ in tried for one in every}
-        if LOW_PASSES & every_kind and any(leaves_noise(self.job, freed.fit) for _, _, freed in tried):
-            entries = zip(fits, tried, strict=True)
-            left = [unlikely(self.job, fit, every, freed.sizes) for fit, (_, every, freed) in entries]
+        """Return the search with the effect that leaves least; of equals the least rare, and surest."""
+        left = self._left(*((every, freed) for _, every, freed in tried))
         equals = [one for one, misfit in zip(tried, left, strict=True) if misfit < min(left) + AS_LIKELY]
-        (effect, effects, freed), *others = sorted(equals, key=lambda entry: self._rarity(entry[0]))
+        least = AS_SURE * max(found.certainty for _, _, found in equals)
+        (effect, effects, freed), *others = sorted(
+            equals, key=lambda entry: (self._rarity(entry[0]), entry[2].certainty < least)
+        )
         equal = tuple(Equal(one, found.sizes[-1], found.fit.solution.x) for one, _, found in others)
         if effect.turns:  # known now: without samples about reversals, which all that were tried had
             effects, freed = self._freed(effect, freed.sizes[-1]) or (effects, freed)

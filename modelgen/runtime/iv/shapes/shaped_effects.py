@@ -40,8 +40,8 @@ def fit_in_shape(
         parts = tuple(part for shape in shapes for part in shape)
         start_at = (*(0.0 for _ in parts), *sizes)
         found = fit_with_effects(setting, rows, fit, (*parts, *now), start_at, finish, rounds)
-        sizes, first = found.sizes[len(parts) :], 0
-        alone = replace(found, sizes=sizes, stds=found.stds[len(parts) :])
+        sizes, first, at = found.sizes[len(parts) :], 0, found.at[len(parts) :]
+        alone = replace(found, sizes=sizes, stds=found.stds[len(parts) :], at=at)
         last, settled = now, True
         for place, (effect, size, shape) in enumerate(zip(last, sizes, shapes, strict=True)):
             if effect.moved is not None:

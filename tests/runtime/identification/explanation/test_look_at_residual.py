@@ -9,11 +9,16 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.explanation import look_at_residual
 from modelgen.runtime.identification.explanation import search as module
 from modelgen.runtime.identification.explanation.explain_residual import found_by
 from modelgen.runtime.identification.explanation.explained import run_method
-from modelgen.runtime.identification.explanation.look_at_residual import look, moves_of_forms
+from modelgen.runtime.identification.explanation.look_at_residual import (
+    believable,
+    look,
+    moves_of_forms,
+)
 from modelgen.runtime.identification.explanation.search import Search
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, Auto
@@ -26,13 +31,14 @@ from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.records.record import Record
 from tests.runtime.two_mass_records import RAMPS, SMALL, two_mass_records
 
-EFFECTS = {one.name: one for one in effects_of(SMALL, ("m", "c"), RAMPS)}
+EFFECTS = {one.name: one for one in effects_of(SMALL, ("m", "c"), RAMPS, turning=True)}
 STIFFENS, GAP, LATE = (EFFECTS[name] for name in ("stiffening of K", "backlash of K", "delay of q_c"))
 
 
 def fitted(misfit: float, *x: float) -> Freed:
     """A fit that leaves so much and ends at some X, with one effect estimated."""
-    fit = SimpleNamespace(misfit=misfit, blocks=(), delays=(), solution=SimpleNamespace(x=np.array(x)))
+    at = SimpleNamespace(x=np.array(x))
+    fit = SimpleNamespace(misfit=misfit, blocks=(), delays=(), solution=at, simulated=None)
     return Freed(cast(Any, None), cast(Any, fit), cast(Any, None), (1e-4,), (1e-6,))
 
 
@@ -75,6 +81,7 @@ def test_other_forms_move_x_and_what_is_no_form_does_not() -> None:
 def test_intervals_hold_all_forms_of_a_link_where_none_leaves_noise(
     quiet: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(module, "left_of_each", lambda job, found, moved: [fit.misfit for fit, *_ in found])
     monkeypatch.setattr(module, "leaves_noise", lambda job, fit: quiet)
     taken, other = fitted(-50.0, 1.0, 4.0), fitted(-20.0, 1.0, 6.0)
     found = searching(fitted(0.0, 1.0, 5.0))._with([(GAP, (GAP,), other), (STIFFENS, (STIFFENS,), taken)])
@@ -121,6 +128,15 @@ def test_what_rounding_of_encoders_looks_like_does_not_matter(
     (gap,) = look(task.job, found_by(task.job, found.observation, found.fit), (), None).found
     assert gap.matters == gap.likely == matters
     assert (gap.least > 0.6 * size) != matters
+
+
+@pytest.mark.parametrize(("periods", "can_be"), [(0.4, True), (-0.4, True), (0.6, False), (-40.0, False)])
+def test_directions_are_no_half_period_of_their_low_pass_late(periods: float, can_be: bool) -> None:
+    """A record without friction to speak of gave directions that change a second early."""
+    records = tuple(two_mass_records())
+    job = Job(SMALL, records, choose_filter(SMALL, records))
+    late = next(one for one in EFFECTS.values() if one.name == "direction of m")
+    assert believable(job, late, periods / job.choice.direction_cutoff_hz, {}) == can_be
 
 
 def test_noise_of_forces_looks_alike_in_what_are_columns_together(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,6 +20,7 @@ from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.score_tests import Score
+from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.iv.physical.test_composite_iv import model_of
 from tests.runtime.two_mass_records import FS, RAMPS, SMALL, two_mass_records
@@ -74,7 +75,13 @@ def solved(monkeypatch: pytest.MonkeyPatch, certain: dict[str, float], late_s: f
 
 def leaving(misfit: float, x: float = 0.0) -> SimpleNamespace:
     """Return a fit that leaves so much; which samples it uses makes no difference."""
-    return SimpleNamespace(misfit=misfit, blocks=(), delays=(), solution=SimpleNamespace(x=np.full(6, x)))
+    at = SimpleNamespace(x=np.full(6, x))
+    return SimpleNamespace(misfit=misfit, blocks=(), delays=(), solution=at, simulated=None)
+
+
+def by_misfit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let fits without rows leave what they say they leave."""
+    monkeypatch.setattr(module, "left_of_each", lambda job, found, moved: [fit.misfit for fit, *_ in found])
 
 
 def searching(*effects: Effect, given: int = 0) -> Search:
@@ -172,7 +179,8 @@ def test_a_fit_with_a_delay_of_half_a_period_says_nothing(periods: float) -> Non
     assert (score is far) == (periods > 0.5)
 
 
-def test_of_equals_a_delay_is_taken_before_a_clock() -> None:
+def test_of_equals_a_delay_is_taken_before_a_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    by_misfit(monkeypatch)
     clock = EFFECTS["clock of q_c"]
     found = Freed(cast(Any, None), cast(Any, leaving(0.0)), job().setting(), (1e-6,), (1e-9,))
     start = replace(searching(), now=replace(found, sizes=()))
@@ -183,6 +191,7 @@ def test_of_equals_a_delay_is_taken_before_a_clock() -> None:
 
 
 def test_effects_that_take_each_other_s_place_do_not_do_so_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    by_misfit(monkeypatch)
     left = leaving(0.0)
 
     def fit(setting: Any, rows: Any, start: Any, effects: tuple[Effect, ...], *rest: Any) -> Solved:
@@ -211,6 +220,7 @@ def test_what_leaves_more_than_what_is_estimated_is_not_taken_for_it(
         left = cast(Any, leaving(misfit))
         return effects, Freed(cast(Any, None), left, setting, sizes, tuple(1e-6 for _ in effects))
 
+    by_misfit(monkeypatch)
     monkeypatch.setattr(module, "fit_in_shape", fit)
     search = searching(FRICTION)
     search = replace(search, now=replace(search.now, fit=cast(Any, leaving(-1000.0))))
@@ -271,6 +281,8 @@ def test_friction_that_the_spec_does_not_name_takes_samples_about_reversals_alon
 
 
 def test_what_a_dropped_effect_moved_is_not_in_the_intervals(monkeypatch: pytest.MonkeyPatch) -> None:
+    by_misfit(monkeypatch)
+
     def fit(x: float) -> Freed:
         return Freed(cast(Any, None), cast(Any, leaving(-x, x)), job().setting(), (1e-6,), (1e-7,))
 
@@ -281,3 +293,28 @@ def test_what_a_dropped_effect_moved_is_not_in_the_intervals(monkeypatch: pytest
     assert search._with([(FRICTION, (form, FRICTION), fit(2.0))]).drift[0, 0] > 1.0
     # what is estimated without it is as exact as ever
     assert search._with([(FRICTION, (FRICTION,), fit(2.0))]).drift[0, 0] < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gain", [1.028, 0.985])
+def test_a_gain_is_seen_where_rows_are_mostly_noise(gain: float) -> None:
+    """With the gain parameters grow, and with them the noise of the rows: what is left is no more for it."""
+    text = TWO.replace(', viscous = "F_vl", coulomb = "F_sl"', "").replace(
+        'q_l = { body = "l", measures = "position" }', 'a_l = { body = "l", measures = "acceleration" }'
+    )
+    model, truth = (
+        model_of(text, "both"),
+        {key: TRUTH[key] for key in TRUTH if key[:2] != "F_" or key[-1] == "m"},
+    )
+    noise = {"q_m": 2e-5, "a_l": 2.0, "T": 8e-3}
+    records = []
+    for seed, motion in enumerate(("chirp", "trapezoid")):
+        one = simulate(model, truth, motion, fs=4000.0, duration_s=1.5, noise=noise, seed=seed).record
+        records.append(Record({**one.signals, "a_l": gain * one.signals["a_l"]}, one.fs, motion))
+    found = identify(model, records)
+    print(
+        [a.what for a in found.checks.advice],
+        [(p.name, p.value / truth[p.name] - 1, p.std / truth[p.name]) for p in found.parameters.physical],
+    )
+    for one in found.parameters.physical:
+        assert abs(one.value - truth[one.name]) < 3.0 * one.std

@@ -27,10 +27,10 @@ from modelgen.runtime.identification.explanation.commands.held_images import (
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
     delays_of,
-    gained,
     run_method,
     with_note,
 )
+from modelgen.runtime.identification.explanation.what_is_left import gained
 from modelgen.runtime.identification.job import Change
 from modelgen.runtime.identification.methods import Auto, Method
 from modelgen.runtime.identification.task import Task

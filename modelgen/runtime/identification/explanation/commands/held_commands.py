@@ -26,11 +26,11 @@ from modelgen.runtime.identification.explanation.explained import (
     Explained,
     delays_of,
     exceeding,
-    gained,
     late_forces,
     with_note,
 )
 from modelgen.runtime.identification.explanation.from_starts import with_shown_effects
+from modelgen.runtime.identification.explanation.what_is_left import gained
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     CLEARLY_LESS,

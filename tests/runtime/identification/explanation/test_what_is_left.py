@@ -7,12 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from modelgen.runtime.identification.explanation.explained import (
-    Begun,
-    gained,
-    on_common_samples,
-    run_method,
-)
+from modelgen.runtime.identification.explanation.explained import Begun, run_method
+from modelgen.runtime.identification.explanation.what_is_left import gained, on_common_samples
 from modelgen.runtime.identification.methods import IV, Auto
 from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.identification.task import prepared
