@@ -128,25 +128,25 @@ def scores(
     return tuple(sorted(found, key=lambda one: -one.explained))
 
 
-def moves_within(span: Span, grown: Sequence[Sequence[FloatArray]], doubtful: bool = False) -> FloatArray:
+def moves_within(
+    span: Span, grown: Sequence[Sequence[FloatArray]], doubtful: bool = False, own: float = LEAST_OWN_SHARE
+) -> FloatArray:
     """Return what effects move whose sizes are known to be about 1 at most, as a mean square, shape (c, c).
 
     They are not estimated, but what the residual says of a size counts: the mean square is that of a normal
     one with the standard deviation 1, given the residual; what is `doubtful` is as likely not there at all
     (Mitchell and Beauchamp 1988). What moves nothing by more than rounding is left out: the instants at which
-    it acts are not used. `grown` is as in `scores`.
+    it acts are not used. `grown` is as in `scores`, `own` as `least_own` there.
     """
     fit, slope = span.fit, span.slope
     total = np.zeros((len(fit.columns),) * 2)
     seen = [column for column in grown if any(part.any() for part in column)]
-    if not seen:
-        return total
     told = span.compared(seen, span.left)
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit, grown=False)), 0.0))
     for place, column in enumerate(seen):
         share, odds, power = 0.0, 1.0, float(told.power[place])
         size = float(told.along[place]) / power if power > 0.0 else 0.0
-        if power > LEAST_OWN_SHARE * float(told.whole[place]):
+        if power > own * float(told.whole[place]):
             (std,) = _deviations(fit, span.left, span.apart(stacked(fit, column)), size, power, (USUAL,))
             share, std = 1.0 / (1.0 + std**2), max(std, np.finfo(float).eps)
             odds = float(np.exp(-0.5 * share * (size / std) ** 2) * np.sqrt(1.0 + 1.0 / std**2))

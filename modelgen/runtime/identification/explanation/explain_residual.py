@@ -60,16 +60,19 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
     none = np.zeros((len(fit.columns),) * 2)
     search = Search(job, slope_of(job.model, fit), now, effects, len(effects), {}, none)
     seen = search.look()
-    labels = (*summed(seen.hidden), *late_or_lagging(seen.either))
+    labels, hidden = late_or_lagging(seen.either), seen.hidden
     if fit.carried is not None:
         drift, shown = _held(job, now.fit, seen.found)
         told = tuple(left_of(one, shown) for one in shown[:1])
         search = replace(search, drift=drift, advice=told, ended=True)
+        labels = (*summed(hidden), *labels)
         return replace(_concluded(search, seen, labels), shown=_to_estimate(job, seen, shown))
     while not search.ended:
         search = search.step(seen)
         seen = seen if search.ended else search.look()
-    return _concluded(search, seen, labels)
+    known = {one.name for one in search.effects}
+    every = {one.name: one for one in (*hidden, *seen.hidden) if one.name not in known}
+    return _concluded(search, seen, (*summed(list(every.values())), *labels))
 
 
 def _concluded(search: Search, seen: Seen, labels: tuple[str, ...]) -> Explained:

@@ -11,6 +11,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
 from modelgen.runtime.identification.explanation.folded_forces import folded_forces
+from modelgen.runtime.identification.explanation.hidden_friction import moved_by_hidden_friction
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import MOST_TRIED, OVER_NOISE, SUSPECTED
 from modelgen.runtime.iv.companion_simulation import Simulated
@@ -42,8 +43,8 @@ class Seen:
     `shapes` are further masses, creep and ripples with which least squares leave clearly less, where it is
     more than noise.
     `rounded` names those, estimated or not, that encoders are too coarse for.
-    `folded` is what forces move that bend between samples, and lags in place of delays, as a mean square,
-    shape (c, c); `either` are channels with delays which that widens intervals by more than noise for.
+    `folded` is what forces that bend between samples, lags in place of delays and hidden friction move, as a
+    mean square, shape (c, c); `either` are channels whose lags widen intervals more than noise does.
     """
 
     found: tuple[Score, ...] = ()
@@ -111,12 +112,13 @@ def look(
     sized = [*zip(known, now.sizes, strict=True), *((one.effect, one.size) for one in found if one.matters)]
     rounded = frozenset(effect.name for effect, size in sized if within_rounding(effect, size, simulated))
     told = {one.effect.name for one in found if one.own > LITTLE_OWN}
-    hidden = tuple(effect for effect in tested if effect.name not in told)
+    hidden = {effect: row for effect, row in zip(tested, rows, strict=True) if effect.name not in told}
     folded, either = _moved_by_unsized(span, unsized, folds)
+    folded = folded + moved_by_hidden_friction(job.model, span, simulated, known, hidden)
     kept = [best.get(effect.name, effect) is effect and effect.name not in beyond for effect in tested]
     left = [entry for entry, stays in zip(zip(tested, rows, strict=True), kept, strict=True) if stays]
     apart, told_by = tuple(one for one, _ in left), tuple(row for _, row in left)
-    return Seen(found, hidden, apart, told_by, shapes, folded, rounded, either)
+    return Seen(found, tuple(hidden), apart, told_by, shapes, folded, rounded, either)
 
 
 def _lags_for_delays(job: Job, now: Freed, known: Sequence[Effect]) -> Iterator[Effect]:
