@@ -26,7 +26,7 @@ from modelgen.runtime.identification.explanation.other_weights import other_weig
 from modelgen.runtime.identification.explanation.search import Search
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import KNOWN_INSTANT, MOST_TRIED
-from modelgen.runtime.iv.effect import DIRECTION, FORCES, Effect
+from modelgen.runtime.iv.effect import DIRECTION, FORCES, LOW_PASSES, Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.other_explanations import Looked, other_explanations
@@ -130,11 +130,20 @@ def _to_estimate(job: Job, seen: Seen, shown: Sequence[Score]) -> tuple[Shown, .
 
     Of that a column may have little of its own, as everything is solved again. What one of several sensors
     reads amiss is like no command that is held, and neither is a force; what has one form of many is none.
+    Where a low-pass of a force explains as much as that of a sensor, all sensors may seem to have one.
     """
     sensors = [one.key for one in job.model.sensors if one.key in job.model.channels]
     forces = [one for one in shown if one.effect.kind in FORCES]
     edited = [one for one in seen.found if one.matters and one.effect.edit and one.effect.possible(one.size)]
-    read = [one for one in edited if one.effect.channel in sensors and len(sensors) > 1]
+    behind = [one for one in edited if one.effect.kind in LOW_PASSES and one.effect.channel not in sensors]
+    least = min((one.explained for one in behind), default=np.inf)
+    read = [
+        one
+        for one in edited
+        if one.effect.channel in sensors
+        and len(sensors) > 1
+        and not (one.effect.kind in LOW_PASSES and one.explained <= least)
+    ]
     first = (*forces[:1], *read[:1])
     others = [one for one in edited if one not in first and one.effect.kind not in TIMING]
     return (

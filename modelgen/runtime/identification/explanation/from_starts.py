@@ -183,7 +183,9 @@ def with_shown_effects(begun: Begun, holds_known: bool = False) -> Begun:
             break
         found = with_carried_effects(begun.task.job, begun.found)
         known = {effect.name for effect in found.effects}
-        shown = [one for one in found.shown if holds_known or not one.like_a_hold]
+        # a lag of a force loses the chain where its delay cannot stand in for it: then there is no hold
+        lost = found.fit.carried is not None and bool(found.fit.carried.unknown)
+        shown = [one for one in found.shown if holds_known or lost or not one.like_a_hold]
         tried = [(one, _with(begun, found, one)) for one in shown if one.effect.name not in known]
         better = [(gained(begun, again), one, again) for one, again in tried if again is not None]
         better.sort(key=lambda entry: -entry[0])

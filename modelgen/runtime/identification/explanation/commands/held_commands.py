@@ -81,15 +81,19 @@ def with_shown_or_held(plain: Begun, held: Begun) -> Begun:
     """Return instruments in physical parameters with what their residual shows, with or without a hold.
 
     A lag that is no hold looks like one as long as it is not estimated: where a hold leaves more than noise,
-    the estimate without it, `plain`, is looked at as well.
+    or needs further effects (a lag of the force less a hold is a low-pass of every sensor), the estimate
+    without it, `plain`, is looked at as well.
     """
     best = with_shown_effects(held, holds_known=True)
     forces = held_commands(plain)
     alike = plain.found.fit.carried is not None and plain.task.choice == held.task.choice
-    if not (forces and alike and exceeding(best)):
+    needed = [len(one.task.job.effects) for one in (held, best)]
+    if not (forces and alike and (exceeding(best) or needed[1] > needed[0])):
         return best
     other = with_shown_effects(plain, holds_known=True)
-    return best if gained(other, best, quiet_job(other.task), dict.fromkeys(forces, 1.0)) > 0.0 else other
+    further = len(best.found.effects) - len(other.found.effects)
+    by = gained(other, best, quiet_job(other.task), dict.fromkeys(forces, 1.0))
+    return best if by > AS_LIKELY * max(further, 0) else other
 
 
 @dataclass(frozen=True, eq=False)
