@@ -17,13 +17,13 @@ from modelgen.runtime.identification.explanation.explained import Explained, Sho
 from modelgen.runtime.identification.explanation.folded_forces import forces_bend
 from modelgen.runtime.identification.explanation.look_at_residual import (
     Seen,
-    leaves_noise,
     likely_of,
     look,
     varied,
 )
 from modelgen.runtime.identification.explanation.other_weights import other_weights
 from modelgen.runtime.identification.explanation.search import Search
+from modelgen.runtime.identification.explanation.what_is_left import leaves_noise
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import KNOWN_INSTANT, MOST_TRIED
 from modelgen.runtime.iv.effect import DIRECTION, FORCES, LOW_PASSES, Effect

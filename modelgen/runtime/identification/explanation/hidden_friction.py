@@ -47,11 +47,23 @@ def moved_by_hidden_friction(
     total, sensors = np.zeros((len(columns),) * 2), {one.key for one in model.sensors}
     if not any(one.kind in LATE | LOW_PASSES and one.channel in sensors for one in known):
         return total
+    speeds = {
+        body: float(np.sqrt(sum(np.mean(record.led[body].speed ** 2) for record in simulated)))
+        for body in simulated[0].plant.bodies
+    }
     for effect, rows in hidden.items():
         if not effect.name.startswith(SUMMED):
             continue
         kind, body = effect.name.split(" friction on ")
-        largest, named = _as_strong(model, simulated, kind.lower(), body)
+        role = kind.lower()
+        named = [name for name, one in model.roles.items() if one.role == role]
+        # what takes as much power as all that is named
+        largest = sum(
+            abs(simulated[0].plant.parameters[name])
+            * (speeds[model.roles[name].bodies[0]] / speeds[body]) ** FORM[role]
+            for name in named
+            if speeds[body]
+        )
         if largest:
             moved = moves_within(
                 span, [[largest * part for part in rows]], doubtful=True, own=LEAST_OWN_DELAY
@@ -59,16 +71,3 @@ def moved_by_hidden_friction(
             stays = np.array([name not in named for name in columns])
             total += moved * np.outer(stays, stays)
     return total
-
-
-def _as_strong(model: Model, simulated: Sequence[Simulated], kind: str, body: str) -> tuple[float, list[str]]:
-    """Return friction of a body that takes as much power as what is named of its kind, and those names."""
-    size, names = 0.0, [name for name, one in model.roles.items() if one.role == kind]
-    plant = simulated[0].plant
-    speed = {one: np.sqrt(sum(np.mean(record.led[one].speed ** 2) for record in simulated))
-             for one in plant.bodies}  # fmt: skip
-    for name in names:
-        value, other = plant.parameters[name], model.roles[name].bodies[0]
-        if speed.get(body) and other in speed:
-            size += abs(value) * float(speed[other] / speed[body]) ** FORM[kind]
-    return size, names

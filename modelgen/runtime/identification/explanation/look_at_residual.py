@@ -255,11 +255,6 @@ def _unexplained(job: Job, now: Freed) -> bool:
     return bool(exceeding_noise(job.model, job.records, job.choice, now.fit, OVER_NOISE, EXACTNESS))
 
 
-def leaves_noise(job: Job, fit: Fit) -> bool:
-    """Tell whether what a fit leaves may be noise of the sensors, of which a low-pass leaves less."""
-    return not exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE)
-
-
 def moves_of_forms(
     before: Fit, effect: Effect, freed: Freed, others: Sequence[tuple[Effect, Freed]]
 ) -> FloatArray:

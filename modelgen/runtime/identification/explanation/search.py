@@ -14,13 +14,12 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.identification.explanation.look_at_residual import (
     Seen,
     believable,
-    leaves_noise,
     likely_of,
     look,
     moves_of_forms,
     varied,
 )
-from modelgen.runtime.identification.explanation.what_is_left import Equal, left_of_each
+from modelgen.runtime.identification.explanation.what_is_left import Equal, leaves_noise, left_of_each
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import (
     AS_SURE,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import exp
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,8 @@ from modelgen.array_types import BoolArray, FloatArray
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise, row_noise
 from modelgen.runtime.filter_choice.signal_to_noise import noise_band
 from modelgen.runtime.identification.explanation.explained import Begun, exceeding
-from modelgen.runtime.identification.thresholds import OVER_NOISE
+from modelgen.runtime.identification.thresholds import MOST_EXPONENT, OVER_NOISE
+from modelgen.runtime.iv.thresholds import AS_LIKELY
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.records.record import Record
 
@@ -56,6 +58,19 @@ def left_less(before: Fit, after: Fit) -> float:
     return fits[0].misfit - fits[1].misfit
 
 
+def leaves_noise(job: Job, fit: Fit) -> bool:
+    """Tell whether what a fit leaves may be noise of the sensors, of which a low-pass leaves less."""
+    return not exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE)
+
+
+def chance(less: float) -> float:
+    """Return the chance of an estimate that is less likely than another by so much, as a logarithm.
+
+    Odds are as uncertain as likelihoods are.
+    """
+    return 1.0 / (1.0 + exp(min(less / AS_LIKELY, MOST_EXPONENT)))
+
+
 def left_of_each(
     job: Job,
     found: Sequence[tuple[Fit, Sequence[Effect], Sequence[float]]],
@@ -68,7 +83,7 @@ def left_of_each(
     """
     every = [fit for fit, _, _ in found]
     fits = on_common_samples(every)
-    if all(exceeding_noise(job.model, job.records, job.choice, fit, OVER_NOISE) for fit in every):
+    if not any(leaves_noise(job, fit) for fit in every):
         return [fit.misfit for fit in fits]
     entries = zip(fits, found, strict=True)
     return [unlikely(job, fit, effects, sizes, moved=moved) for fit, (_, effects, sizes) in entries]

@@ -11,7 +11,6 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from math import exp
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from modelgen.runtime.identification.explanation.explained import (
     run_method,
     with_note,
 )
-from modelgen.runtime.identification.explanation.what_is_left import gained
+from modelgen.runtime.identification.explanation.what_is_left import chance, gained
 from modelgen.runtime.identification.job import Change
 from modelgen.runtime.identification.methods import Auto, Method
 from modelgen.runtime.identification.task import Task
@@ -39,7 +38,6 @@ from modelgen.runtime.identification.thresholds import (
     HARDLY_MOVES,
     HARDLY_SHOWS,
     HOLDS_TRIED,
-    MOST_EXPONENT,
     PARTS_LATE,
     SHARPENED_HOLD,
 )
@@ -225,12 +223,11 @@ class _Holds:
     def moved(self, plain: Begun, tried: Mapping[float, float], rival: float) -> Iterator[dict[str, float]]:
         """Yield by how much columns move with each hold, as far as it is as likely as none, and as a rival.
 
-        The mean square is that of a mixture, with odds as uncertain as likelihoods are (`held_commands`).
+        The mean square is that of a mixture (`held_commands`).
         """
         likely = {1.0, -1.0, max(tried, key=tried.__getitem__)}
-        odds = {length: (rival - tried[length]) / AS_LIKELY for length in likely}
-        chances = {length: 1.0 / (1.0 + exp(min(one, MOST_EXPONENT))) for length, one in odds.items()}
-        chances = {length: chance for length, chance in chances.items() if chance > HARDLY_SHOWS}
+        chances = {length: chance(rival - tried[length]) for length in likely}
+        chances = {length: one for length, one in chances.items() if one > HARDLY_SHOWS}
         for method in (self.method.instrumental, self.method.least_squares) if chances else ():
             try:
                 before = _columns(self.estimate(self.task, method))

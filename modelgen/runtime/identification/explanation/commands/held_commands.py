@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import exp, log
+from math import log
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from modelgen.runtime.identification.explanation.explained import (
     with_note,
 )
 from modelgen.runtime.identification.explanation.from_starts import with_shown_effects
-from modelgen.runtime.identification.explanation.what_is_left import gained
+from modelgen.runtime.identification.explanation.what_is_left import chance, gained
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     CLEARLY_LESS,
@@ -39,7 +39,6 @@ from modelgen.runtime.identification.thresholds import (
     HARDLY_SHOWS,
     LEAST_APART,
     LEAST_BEFORE,
-    MOST_EXPONENT,
     UNDONE,
 )
 from modelgen.runtime.iv.effect import LOW_PASSES
@@ -157,10 +156,10 @@ def _or_other(better: Begun, by: float, others: Sequence[Held], first: Begun) ->
         fit, found = other.begun.found.fit, better.found
         if fit.columns != found.fit.columns:
             continue
-        chance = 1.0 / (1.0 + exp(min((by - other.gained(first)) / AS_LIKELY, MOST_EXPONENT)))
+        likely = chance(by - other.gained(first))
         move = fit.solution.x - found.fit.solution.x
         known = np.sqrt(np.diag(hac_covariance(found.fit) + found.drift))
-        if chance < HARDLY_SHOWS or np.all(np.abs(move) < HARDLY_MOVES * known):
+        if likely < HARDLY_SHOWS or np.all(np.abs(move) < HARDLY_MOVES * known):
             continue
         keys = ", ".join(other.late)
         note = (
@@ -168,7 +167,7 @@ def _or_other(better: Begun, by: float, others: Sequence[Held], first: Begun) ->
             f"controller is sampled all of it is held (--held {keys})"
         )
         either = np.outer(move, move) + other.begun.found.drift
-        better = with_note(better, note, (1.0 - chance) * found.drift + chance * either)
+        better = with_note(better, note, (1.0 - likely) * found.drift + likely * either)
     return better
 
 

@@ -19,9 +19,7 @@ import numpy as np
 
 from modelgen.array_types import ComplexArray, FloatArray
 from modelgen.runtime.identification.explanation.commands.rest_of_commands import held_for, rest_of
-from modelgen.runtime.identification.explanation.explained import (
-    Begun,
-)
+from modelgen.runtime.identification.explanation.explained import Begun
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import STEPS_TAKEN
