@@ -20,9 +20,9 @@ from modelgen.runtime.iv.companion_simulation import Loop, run_beside
 from modelgen.runtime.iv.divergence import diverged, refuse_few, refuse_runaway, simulation_failed
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.thresholds import (
-    EXACTNESS,
     FORESEEN,
     LATER_MOVE,
+    LEAST_RESIDUAL,
     NEAR,
     NEAR_SHARE,
     ROUNDS,
@@ -195,8 +195,8 @@ def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple
 def weighed(fit: Fit) -> Fit:
     """Return the fit with weights from its residuals.
 
-    No residual counts as smaller than what sampling and filters allow: a load row that is nearly exact would
-    outweigh the forces, which alone fix the scale.
+    No residual counts as smaller than what rounding allows: the forces, which alone fix the scale, would be
+    lost beside a load row that is exact.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def weighed(fit: Fit) -> Fit:
         if not block.has_force and largest < VANISHED_ROW * block.force_scale:
             what = f"all parameters of row {block.row_name} go to zero, which solves a row without a force"
             raise diverged(f"{what}; noise of the sensors in {block.record_name} hides its motion")
-        least = EXACTNESS * largest
+        least = LEAST_RESIDUAL * largest
         weights.append(1.0 / max(float(np.linalg.norm(residual) / samples), least, tiny))
     return replace(fit, weights=tuple(weights), notes=())
 

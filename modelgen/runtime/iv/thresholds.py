@@ -77,8 +77,13 @@ NEAR = 3.0
 NEAR_SHARE = 0.25
 # A row without a force whose terms are all below this share of the forces has gone to zero.
 VANISHED_ROW = 1e-6
-# Rows hold no more exactly than to this share of their largest term.
+# Rows hold no more exactly than to this share of their largest term: other forms of one thing are not told
+# apart below that, nor is anything looked for.
 EXACTNESS = 1e-3
+# No residual counts as less than this share of a row's largest term. At 1e-3 a gear of 100 with encoders of
+# 3e-6 rad left 3 to 5 times the noise in its load's row, which holds to 1e-5, and every fifth record had
+# intervals 20 times too wide; below 1e-6 rounding decides.
+LEAST_RESIDUAL = 1e-6
 
 # Points a sample on a spline through the force: straight lines take (pi f / fs)^2 / 3 off a sine of f Hz.
 BETWEEN = 4

@@ -124,6 +124,26 @@ def test_with_noise_in_the_force_alone_the_force_still_fixes_the_scale(parameter
         assert abs(entry.value - QC.parameter_sets[parameters][entry.name]) < 3.5 * entry.std
 
 
+def test_a_row_that_holds_nearly_exactly_weighs_what_it_leaves() -> None:
+    """A floor of a thousandth of its terms had left three times the noise in it, behind a gear of 100."""
+    rng = np.random.default_rng(5)
+    noise = {"q_m": 1e-7, "q_c": 1e-7, "Gamma_m": 1e-4}
+    records = [
+        Record(
+            {key: y + noise[key] * rng.standard_normal(record.n) for key, y in record.signals.items()},
+            record.fs,
+            record.name,
+        )
+        for record in clean("qc", "light")
+    ]
+    setting = Setting(QC, records, choose_filter(QC, records))
+    fit = fit_iv(fit_matched(observe(QC, records, setting.choice, turns=False)), setting)
+    exact = [at for at, block in enumerate(fit.blocks) if not block.has_force]
+    assert max(fit.left_shares[at] for at in exact) < 2e-4
+    for at, weight in enumerate(fit.weights):
+        assert weight * fit.rms(at) == pytest.approx(1.0, rel=0.02)
+
+
 def test_iv_and_its_projection_are_the_same_estimate() -> None:
     rng = np.random.default_rng(1)
     records = [with_noise(record, rng) for record in clean("qc", "table_2")]
