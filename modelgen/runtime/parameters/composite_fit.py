@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.decorrelation import whitening
 from modelgen.runtime.numerics.tails import chi_square_beyond
@@ -20,6 +20,8 @@ from modelgen.runtime.parameters.thresholds import (
     SMALLEST_SPREAD,
     STEPS,
 )
+
+SEED = 2002
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +94,8 @@ def fit_composites(
             break
     weighted = slope(p)
     gradients = size[:, None] * (np.linalg.pinv(weighted, rcond=RANK_TOLERANCE) @ whiten)
-    determined = [name for name, known in zip(model.parameters, _known(weighted), strict=True) if known]
+    known = np.logical_and(_known(weighted), _known_anywhere(model, identified))
+    determined = [name for name, told in zip(model.parameters, known.tolist(), strict=True) if told]
     U, s, _ = np.linalg.svd(weighted)
     spare = U[:, int(np.sum(s > RANK_TOLERANCE * s[0])) :].T
     return PhysicalSolution(
@@ -107,6 +110,18 @@ def fit_composites(
 
 def _smaller(error: FloatArray, than: FloatArray) -> bool:
     return bool(error @ error < than @ than)
+
+
+def _known_anywhere(model: Model, identified: IntArray) -> list[bool]:
+    """Return which parameters the identified base ones determine at a point that is nothing special.
+
+    Where the fit ends at a body of no size, what moves with that body does not show: its share of the others
+    is none there, of sizes that a machine has it is not.
+    """
+    sizes = np.random.default_rng(SEED).uniform(1.0, 2.0, len(model.parameters))
+    slope = model.base_jacobian(dict(zip(model.parameters, sizes.tolist(), strict=True)))[identified] * sizes
+    length = np.linalg.norm(slope, axis=1, keepdims=True)
+    return _known(slope / np.where(length > 0.0, length, 1.0))
 
 
 def _known(slope: FloatArray) -> list[bool]:
