@@ -126,6 +126,11 @@ FULL_SPEED, RESOLUTIONS, USUAL_CHANGES = 0.15, 4.0, 4.0
 STRAIGHT = 1e-6
 # Noise changes the sign of its fourth difference nearly every sample; it counts from so many resolutions on.
 ALTERNATING, VISIBLE_NOISE = 0.6, 2.0
+# A few readings without noise show what rounding leaves, 0.3 of a resolution; those with it two and more.
+CALM = 0.75
+# Neighbours of white noise that large are equal with this probability, 1 / (2 sqrt(pi) 2); three in a row
+# with its square, and so many standard deviations more often than that by no chance.
+REPEATED_NOISE, CERTAIN_CHANCE = 0.14, 5.0
 # Noise does not show where more than this share of so many readings before and after a run repeat as well.
 REPEATED, NEARBY = 0.5, 32
 # A sensor that was stuck leaps to where the motion is by then: by this many of the largest usual steps.

@@ -28,7 +28,7 @@ def model() -> Model:
 
 
 def left_open(model: Model, motor: float, without: str = "") -> set[str]:
-    """Return the parameters that composites leave open, without one of them, from a start with such a motor."""
+    """Return what composites leave open, without one of them, from a start with such a motor."""
     base = model.base_from_physical(TRUTH)
     base[[name == without for name in model.base_parameters]] = np.nan
     told = base[np.isfinite(base)]

@@ -16,6 +16,8 @@ from modelgen.array_types import BoolArray, FloatArray, IntArray
 from modelgen.runtime.diagnostics.thresholds import (
     ALTERNATING,
     AROUND,
+    CALM,
+    CERTAIN_CHANCE,
     CHANCE,
     CLIPPED_RUN,
     FULL_SPEED,
@@ -27,6 +29,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     OFTEN,
     RARELY,
     REPEATED,
+    REPEATED_NOISE,
     RESOLUTIONS,
     SELDOM,
     SHORTEST_RUN,
@@ -149,7 +152,8 @@ def _coarse_there(samples: FloatArray, runs: Runs, which: IntArray) -> BoolArray
     """Return around which runs other readings repeat as well: no noise shows there, so they are no fault.
 
     A file with so many significant digits has coarse readings far from zero and fine ones near it; an axis
-    at rest between two counts of its encoder has none of the noise that it shows when it moves.
+    at rest between two counts of its encoder has none of the noise that it shows when it moves. A force that
+    settles between the pulses of its controller has none just before its reading rests.
     """
     found = np.zeros(len(which), dtype=bool)
     for index, run in enumerate(which.tolist()):
@@ -158,7 +162,11 @@ def _coarse_there(samples: FloatArray, runs: Runs, which: IntArray) -> BoolArray
         pairs = [(part[1:], part[:-1]) for part in parts]
         other = sum(int(np.sum(later != samples[first])) for later, _ in pairs)
         same = sum(int(np.sum((later == early) & (later != samples[first]))) for later, early in pairs)
-        found[index] = same > REPEATED * max(other, 1)
+        calm = any(
+            len(part) == AROUND and _white_noise(part) < CALM * runs.resolution
+            for part in (parts[0][-AROUND:], parts[1][:AROUND])
+        )
+        found[index] = calm or same > REPEATED * max(other, 1)
     return found
 
 
@@ -212,8 +220,13 @@ def _longest_by_chance(n: int, lengths: IntArray, shortest: int) -> float:
 def noisy(samples: FloatArray, runs: Runs) -> bool:
     """Return whether readings, shape (n,), in any unit, have noise larger than their resolution.
 
-    They then hardly ever repeat.
+    They then hardly ever repeat: a force between the pulses of a controller that feels the counts of its
+    encoder, or between the steps of a binary command, does so often.
     """
+    alone = len(samples) - int(np.sum(runs.lengths - 1))  # readings and runs, each counted once
+    by_chance = REPEATED_NOISE**2 * alone
+    if np.sum(runs.lengths >= CLIPPED_RUN) > by_chance + CERTAIN_CHANCE * np.sqrt(by_chance):
+        return False
     fourth = np.diff(excerpt(samples), 4)
     fourth = fourth[fourth != 0.0]
     if len(fourth) < SHORTEST_RUN:

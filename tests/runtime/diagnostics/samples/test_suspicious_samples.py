@@ -136,6 +136,24 @@ def test_a_square_wave_and_a_ramp_with_plateaus_are_commands_not_clipped() -> No
     assert suspicions(RIGID, [Record({"q_m": position, "F": ramp}, 1000.0)]) == ()
 
 
+def beside(force: FloatArray) -> Record:
+    """The force beside an encoder of an axis that it moves, with noise."""
+    rng = np.random.default_rng(0)
+    moved = np.cumsum(np.cumsum(force - force.mean()))
+    moved *= 1.0 / np.ptp(moved)
+    return Record({"q_m": moved + 1e-5 * rng.normal(size=len(force)), "F": force}, 1000.0, "run")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_force_that_jumps_when_a_controller_feels_a_count_is_not_stuck_between(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    often = np.repeat([0.3, 0.3, 0.03, 0.3, 0.3, 0.03, 0.3, 0.3], 500)  # the axis moves fast, and slowly
+    pulses = np.where(rng.uniform(size=4000) < often, -30.0, 0.0)
+    wanted = 120.0 * np.sin(2.0 * np.pi * np.arange(4000) / 4000)
+    force = np.round(wanted + lfilter([1.0], [1.0, -0.5], pulses))
+    assert suspicions(RIGID, [beside(force)]) == ()
+
+
 @pytest.mark.parametrize("n", [2, 3, 4, 5, 10])
 def test_records_of_a_few_samples_are_examined(n: int) -> None:
     samples = np.arange(float(n)) ** 2
