@@ -16,11 +16,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError, Problem
-from modelgen.runtime.least_squares.fit import (
-    Fit,
-    regressed_rows,
-    residuals_of,
-)
+from modelgen.runtime.least_squares.fit import Fit, regressed_rows, residuals_of
 from modelgen.runtime.least_squares.orthogonal_solution import (
     LeastSquares,
     least_squares,
@@ -43,10 +39,16 @@ from modelgen.runtime.rows.row_triangles import RowTriangle, triangle_rows
 Part = TypeVar("Part", RowBlock, RowTriangle)
 
 
-def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE, polish: bool = True) -> Fit:
+def fit_matched(
+    observation: Observation,
+    load_row_share: float = LOAD_ROW_SHARE,
+    polish: bool = True,
+    further: Sequence[str] = (),
+) -> Fit:
     """Fit matched-filtered rows: force-scaled start, weights from the residuals, load rows bounded.
 
     With a single block this is ordinary least squares. Without `polish` what rounding has moved stays in.
+    Load rows are bounded by their first residual without `further` columns where that is smaller.
 
     Raises
     ------
@@ -54,7 +56,8 @@ def fit_matched(observation: Observation, load_row_share: float = LOAD_ROW_SHARE
         When no row with a force, or no more samples than columns, are left.
     """
     blocks, columns, absent = _used_with_force(observation.blocks, observation.columns)
-    weights, scales = _matched_weights([block.summary for block in blocks], len(columns), load_row_share)
+    plain = [place for place, name in enumerate(columns) if name not in further]
+    weights, scales = _matched_weights([one.summary for one in blocks], len(columns), load_row_share, plain)
     fit = _solve(blocks, columns, absent, weights, polish=polish)
     return replace(fit, notes=_runaway_notes(fit, scales))
 
@@ -69,9 +72,7 @@ class MatchedSolution:
 
 
 def solve_matched(
-    rows: Sequence[RowBlock | RowTriangle],
-    names: Sequence[str],
-    load_row_share: float = LOAD_ROW_SHARE,
+    rows: Sequence[RowBlock | RowTriangle], names: Sequence[str], load_row_share: float = LOAD_ROW_SHARE
 ) -> MatchedSolution:
     """Return the solution of `fit_matched` from the triangles of the rows; `names` are those of all columns.
 
@@ -87,16 +88,21 @@ def solve_matched(
 
 
 def _matched_weights(
-    rows: Sequence[RowTriangle], c: int, load_row_share: float
+    rows: Sequence[RowTriangle], c: int, load_row_share: float, plain: Sequence[int] | None = None
 ) -> tuple[tuple[float, ...], list[float]]:
-    """Return the weights of the rows, and the size of the forces that each balances."""
+    """Return the weights of the rows, and the size of the forces that each balances; see `fit_matched`."""
     scales = _force_scales(rows)
     if len(rows) == 1:
         return (1.0,), scales
-    rms: Sequence[float] = _rms(rows, rough_solution(_triangle(rows, [1.0 / scale for scale in scales], c)))
+    equal = [1.0 / scale for scale in scales]
+    rms: Sequence[float] = _rms(rows, rough_solution(_triangle(rows, equal, c)))
+    first = rms
+    if plain is not None and len(plain) < c:
+        fewer = [row.chosen(plain) for row in rows]
+        first = np.minimum(rms, _rms(fewer, rough_solution(_triangle(fewer, equal, len(plain))))).tolist()
     smallest = [
         SMALLEST_RESIDUAL * scale if row.has_force else max(one / load_row_share, SMALLEST_RESIDUAL * scale)
-        for row, scale, one in zip(rows, scales, rms, strict=True)
+        for row, scale, one in zip(rows, scales, first, strict=True)
     ]
     _, rms = weighed_by_residuals(rows, rms, smallest, WEIGHTING_ROUNDS - 1, c)
     return tuple(1.0 / max(pair) for pair in zip(rms, smallest, strict=True)), scales

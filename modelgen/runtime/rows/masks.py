@@ -111,7 +111,8 @@ def row_masks(
 
     Coulomb friction jumps where a velocity changes sign. A differentiated row drops it and must not use what
     feels a reversal; a row that keeps sign() must not use what feels a long rest. Rows of `rests_open` use
-    all but the rest itself: whatever holds a motor there is left open (`without_uncertain_turns`).
+    all but the rest itself: whatever holds a motor there, and a jump under a derivative, is left open
+    (`without_uncertain_turns`).
     """
     order, late, shortest = choice.filter_order, _direction_reach(choice, fs), _long_rest(choice, fs)
 
@@ -120,13 +121,13 @@ def row_masks(
 
     found, slow = [], dict(choice.slow_speeds)
     for row, info in enumerate(model.rows):
-        if info.reversals:
+        if info.reversals and row not in rests_open:
             # the row differentiates the friction as often as its order exceeds that of a motion: a jump
             # enters as an impulse, differentiated once less
             far = max(reach(k) for k in range(max(1, info.order - 2))) + late
             found.append(RowMask(tuple(info.reversals), far, "reversals", 1))
         else:
-            keys = direction_keys(model, row)
+            keys = tuple(info.reversals) or direction_keys(model, row)
             otherwise = None if model.is_arm else 0.0
             least = tuple(slow.get(key, otherwise) for key in keys) if slow or model.is_arm else ()
             far = 0 if row in rests_open else reach(0) + late

@@ -157,3 +157,28 @@ def test_directions_that_are_gone_do_not_make_a_block_less_noisy() -> None:
     blocks = (replace(block(W[0], Y[0]), opened=300.0), block(W[1], Y[1], row=1))
     fit = fit_matched(Observation(("a", "b"), blocks))
     assert fit.weights[0] / fit.weights[1] == pytest.approx(1.0, rel=0.1)
+
+
+def test_a_further_column_takes_no_weight_from_the_rows_without_a_force() -> None:
+    """A noisy force lets its own gain grow at first, and bounded the row that tells the gain."""
+    rng = np.random.default_rng(1)
+    a, b = rng.standard_normal((2, 4000))
+    zero, noise = np.zeros(4000), 0.3 * rng.standard_normal((2, 4000))
+    # two forces, the first of which holds both terms, and a row of their balance
+    forces = (a + 0.02 * b + noise[0], b + noise[1])
+    rows = (
+        (np.column_stack([a, 0.02 * b, forces[0]]), forces[0]),
+        (np.column_stack([zero, b, zero]), forces[1]),
+    )
+    balance = 1e-3 * rng.standard_normal(4000) + a
+    load = (np.column_stack([balance, -a, zero]), zero)
+    blocks = tuple(block(W, Y, row=row) for row, (W, Y) in enumerate((*rows, load)))
+    observation = Observation(("first", "second", "gain"), blocks)
+    alone = fit_matched(
+        replace(observation, columns=("first", "second"), blocks=tuple(one.chosen([0, 1]) for one in blocks))
+    )
+    bounded, heard = fit_matched(observation), fit_matched(observation, further=("gain",))
+    assert bounded.weights[-1] < 0.5 * alone.weights[-1]
+    assert heard.weights[-1] > 0.9 * alone.weights[-1]
+    off = [abs(one.solution.x[0] - one.solution.x[1]) for one in (bounded, heard)]
+    assert off[1] < off[0]

@@ -8,9 +8,9 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.identification.elastic.channel_errors import SetRight, told_holds
 from modelgen.runtime.identification.elastic.channels_set_right import with_channels_set_right
-from modelgen.runtime.identification.elastic.damper_images import without_damper_images
 from modelgen.runtime.identification.elastic.rest import Drifting
 from modelgen.runtime.identification.elastic.row_forces import summed_friction
+from modelgen.runtime.identification.elastic.speeds_at_changes import with_speeds_of_positions
 from modelgen.runtime.identification.explanation.explained import Begun, with_note
 from modelgen.runtime.identification.given_positions import about_from_near_by, near_by
 from modelgen.runtime.identification.task import Task
@@ -54,7 +54,7 @@ def with_aligned_channels(task: Task, rest: Drifting | None) -> tuple[Task, Drif
         task = replace(task, doubts=lambda: (*plain(), told_holds(held)))
     changed, found = with_channels_set_right(task, near_by, held)
     if found is None:
-        return without_damper_images(task, held), rest
+        return with_speeds_of_positions(task, held), rest
     if found.changes_records:
         try:
             task, rest = about_from_near_by(changed)
@@ -62,7 +62,7 @@ def with_aligned_channels(task: Task, rest: Drifting | None) -> tuple[Task, Drif
             return task, rest
     task = replace(task, doubts=lambda: (*changed.doubts(), *found.advice))
     both = RestWithChannels(rest, found)
-    return without_damper_images(task, both.held), both
+    return with_speeds_of_positions(task, both.held), both
 
 
 def with_notes_of_springs(begun: Begun) -> Begun:

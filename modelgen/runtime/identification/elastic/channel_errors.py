@@ -75,6 +75,8 @@ class SetRight:
         What explains the rows as well as each effect.
     unsaid : tuple of Effect
         Zeros that are always estimated, and that rows do not show.
+    beyond : tuple of mapping of str to float
+        By what X may be off besides, in SI, by column.
     """
 
     columns: tuple[str, ...]
@@ -85,6 +87,13 @@ class SetRight:
     held: tuple[str, ...] = ()
     others: tuple[tuple[Instead, ...], ...] = ()
     unsaid: tuple[Effect, ...] = ()
+    beyond: tuple[Mapping[str, float], ...] = ()
+
+    @classmethod
+    def only(cls, beyond: tuple[Mapping[str, float], ...]) -> SetRight:
+        """Return that nothing was set right, and what X may be off by."""
+        columns = tuple(dict.fromkeys(name for one in beyond for name in one))
+        return cls(columns, (), (), np.zeros((len(columns), 0)), np.zeros((0, 0)), beyond=beyond)
 
     @property
     def changes_records(self) -> bool:
@@ -126,7 +135,8 @@ class SetRight:
             size * isinstance(one, RowForce) for one, size in zip(self.effects, self.sizes, strict=True)
         ]
         sizes = self.covariance + np.outer(lacking, lacking)
-        instead = [[one.move.get(name, 0.0) for name in fit.columns] for own in self.others for one in own]
+        other = (*(one.move for own in self.others for one in own), *self.beyond)
+        instead = [[move.get(name, 0.0) for name in fit.columns] for move in other]
         beyond = np.array(instead).reshape(len(instead), len(fit.columns))
         return np.asarray(moves @ sizes @ moves.T + beyond.T @ beyond)
 
@@ -186,7 +196,7 @@ def set_right(model: Model, record: Record, index: int, sizes: Mapping[Effect, f
     """Return a record, the `index`-th, with channels as they would be without effects of these sizes."""
     force = gears(model)
     for effect, size in sizes.items():
-        if effect.kind == "gain" and size:
+        if effect.channel in force and effect.kind == "gain" and size:
             drive = force[effect.channel]
             turned = {
                 effect.channel: _times(effect.channel, 1.0 / (1.0 + size)),

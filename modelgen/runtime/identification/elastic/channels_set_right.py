@@ -26,8 +26,10 @@ from modelgen.runtime.identification.elastic.channel_errors import (
     runs_away,
     set_right,
 )
+from modelgen.runtime.identification.elastic.command_times import CommandTimes, times_of_commands
 from modelgen.runtime.identification.elastic.effect_rows import EffectRows
 from modelgen.runtime.identification.elastic.encoder_zeros import EncoderZero, of_other_records
+from modelgen.runtime.identification.elastic.force_gains import force_gains
 from modelgen.runtime.identification.elastic.joint_effects import joint_effects
 from modelgen.runtime.identification.elastic.link_forces import link_forces
 from modelgen.runtime.identification.elastic.row_forces import RowForce, row_forces
@@ -74,26 +76,65 @@ def with_channels_set_right(
     job = replace(task.job, records=parts, surveys=(), memory_limit=None)
     tried = replace(task, records=parts, unseen=(), job=job)
     channels = channel_errors(task.model, len(parts))
-    every = (*channels, *row_forces(task.model), *link_forces(task.model, len(parts)))
+    every = (
+        *channels,
+        *force_gains(task.model),
+        *row_forces(task.model),
+        *link_forces(task.model, len(parts)),
+    )
     zeros = tuple(one for one in channels if isinstance(one, EncoderZero))
     begun = _with_zeros(tried, again, zeros)
     found = _come_to_rest(tried, again, every, begun)
     if found is None and zeros:
         found = _come_to_rest(tried, again, zeros, begun)
+    looked = None if known or (found is not None and found.commands) else times_of_commands(tried)
+    other = None if known else _holding(tried, again, every, (found, begun), looked)
+    if other is not None:
+        found, task = other, task.changed(partial(with_holds, channels=other.right.held))
+    alike = (looked.move,) if looked is not None and looked.alike and other is None else ()
     if found is None:
-        return task, None
-    for held in _held(found) if not known else ():
+        return task, SetRight.only(alike) if alike else None
+    right = replace(found.right, beyond=(*found.right.beyond, *alike))
+    return _corrected(task, found.known, found.task.model), right
+
+
+def _holding(
+    task: Task,
+    again: Again,
+    every: tuple[Effect, ...],
+    near: tuple[_Aligned | None, Begun],
+    looked: CommandTimes | None,
+) -> _Aligned | None:
+    """Return where steps rest of rows of held commands, if these are as likely as those that are not.
+
+    `near` is what was found without, and what that began with.
+    """
+    found, begun = near
+    candidates = [] if found is None else _held(found)
+    if looked is not None and looked.holds:
+        candidates = [looked.drives]
+    for held in candidates:
         # the average that a hold is looks like inertia
-        hold = partial(with_holds, channels=held)
-        other = _with_holds(tried.changed(hold), again, every, found)
+        changed = task.changed(partial(with_holds, channels=held))
+        other = _with_holds(changed, again, every, found or begun)
+        if other is None and found is not None:
+            # what was found may have stood for half a sample of another force
+            other = _with_holds(changed, again, every, begun)
         # every delay that is free gains a little by noise
-        if other is None or other.misfit > found.misfit + AS_LIKELY * len(found.commands):
+        if other is None or other.misfit > _most_left(found, looked):
             continue
         # one that does not hold is late by half a sample as the mean of what it holds
         if not set(held).intersection(other.early):
-            found, task = replace(other, right=replace(other.right, held=held)), task.changed(hold)
-            break
-    return _corrected(task, found.known, found.task.model), found.right
+            return replace(other, right=replace(other.right, held=held))
+    return None
+
+
+def _most_left(found: _Aligned | None, looked: CommandTimes | None) -> float:
+    """Return what rows of held commands may leave at most, to be as likely as those that are not."""
+    if found is not None and found.commands:
+        return found.misfit + AS_LIKELY * len(found.commands)
+    plain = np.inf if looked is None else looked.plain
+    return min(plain, np.inf if found is None else found.misfit) - AS_LIKELY
 
 
 def _held(found: _Aligned) -> list[tuple[str, ...]]:
@@ -160,10 +201,22 @@ def _with_zeros(task: Task, again: Again, zeros: Sequence[Effect]) -> Begun:
     return task, dict.fromkeys(zeros, 0.0)
 
 
-def _with_holds(task: Task, again: Again, candidates: tuple[Effect, ...], near: _Aligned) -> _Aligned | None:
-    """Return where steps rest of the same task with forces held, whose delays are looked for anew."""
-    known = {one: size for one, size in near.known.items() if one not in near.commands}
-    corrected = _corrected(task, known, near.task.model)
+def _with_holds(
+    task: Task, again: Again, candidates: tuple[Effect, ...], near: _Aligned | Begun
+) -> _Aligned | None:
+    """Return where steps rest of the same task with forces held, whose delays are looked for anew.
+
+    Of what was found without only delays by half a sample are dropped, unless there are none: then whatever
+    is found stood for the holds.
+    """
+    at, every = (near.task, near.known) if isinstance(near, _Aligned) else near
+    commands = near.commands if isinstance(near, _Aligned) else ()
+    known = {
+        one: size
+        for one, size in every.items()
+        if isinstance(one, EncoderZero) or (commands and one not in commands)
+    }
+    corrected = _corrected(task, known, at.model)
     return _come_to_rest(task, again, candidates, (again(corrected) or corrected, known), held=True)
 
 

@@ -44,11 +44,16 @@ class EffectRows:
         return EffectRows(self.job, self.effects, fit.all_parameters(self.job.model.base_parameters))
 
     def solved(self, effects: Sequence[Effect]) -> Fit:
-        """Return the fit of base parameters and sizes of effects, which are its last columns."""
-        names = [*self.job.model.base_parameters, *(effect.name for effect in effects)]
+        """Return the fit of base parameters and sizes of effects, which are its last columns.
+
+        Beside a gain of a force the first residual of rows without one was seventeen times as large, and what
+        tells the gain was hardly weighed.
+        """
+        sizes = [effect.name for effect in effects]
+        names = [*self.job.model.base_parameters, *sizes]
         places = [self.rows.columns.index(name) for name in names]
         blocks = tuple(block.chosen(places) for block in self.rows.blocks)
-        return fit_matched(replace(self.rows, columns=tuple(names), blocks=blocks))
+        return fit_matched(replace(self.rows, columns=tuple(names), blocks=blocks), further=sizes)
 
     def without(self, effect: Effect) -> EffectRows:
         """Return the same rows without the column of an effect, and of others of its name."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,7 @@ from modelgen.runtime.identification.elastic.channel_errors import (
 )
 from modelgen.runtime.identification.elastic.effect_rows import EffectRows
 from modelgen.runtime.identification.elastic.encoder_zeros import EncoderZero
+from modelgen.runtime.identification.elastic.force_gains import ForceGain, all_but_one, common_scale
 from modelgen.runtime.identification.elastic.row_forces import RowForce
 from modelgen.runtime.identification.thresholds import (
     ALIGNED_APART,
@@ -90,8 +91,9 @@ class JointEffects:
         )
         # zeros are there whatever else is: nothing stands in their place
         others = tuple(() if isinstance(one, EncoderZero) else self._others(one, known) for one in known)
-        sizes = tuple(known.values())
-        return SetRight(columns, tuple(known), sizes, moves, covariance, others=others, unsaid=unsaid)
+        found = SetRight(columns, tuple(known), tuple(known.values()), moves, covariance)
+        beyond = tuple(common_scale(self.rows, known))
+        return replace(found, others=others, unsaid=unsaid, beyond=beyond)
 
     def _others(self, effect: Effect, known: Mapping[Effect, float]) -> tuple[Instead, ...]:
         """Return what explains the rows as well as an effect does, in its place."""
@@ -154,6 +156,8 @@ def joint_effects(rows: EffectRows, known: Sequence[Effect], rests: bool) -> Joi
         # one channel tells the time of all others
         late = sum(effect.kind == "delay" for effect in chosen) + 1 == len(model.channels)
         told = [one for one in told if not (late and one.effect.kind == "delay")]
+        if all_but_one(chosen, model):
+            told = [one for one in told if not isinstance(one.effect, ForceGain)]
         if not told:
             return JointEffects(fit, tuple(chosen), rows)
         chosen.append(_first(told, forces))

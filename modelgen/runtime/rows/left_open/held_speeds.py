@@ -9,11 +9,19 @@ from modelgen.runtime.rows.masks import direction_keys
 
 
 def speeds_of_sensors(model: Model, row: int) -> tuple[str, ...]:
-    """Return the keys of measured speeds whose signs a row of an arm holds, or what it holds of positions."""
-    own = direction_keys(model, row) if model.is_arm else ()
+    """Return the keys of measured speeds whose signs a row of an arm holds, or what it holds of positions.
+
+    A differentiated row holds no sign, but what friction jumps by at a reversal.
+    """
+    own = own_speeds(model, row) if model.is_arm else ()
     ways = {feature.key: feature.of for feature in model.features if isinstance(feature.of, str)}
     terms = (terms for one in moving_positions(model, row) for terms in (one.left, *one.columns.values()))
     return tuple(dict.fromkeys((*own, *(ways[key] for part in terms for _, key in part if key in ways))))
+
+
+def own_speeds(model: Model, row: int) -> tuple[str, ...]:
+    """Return the signals whose signs a row holds, or had before it was differentiated."""
+    return tuple(dict.fromkeys((*direction_keys(model, row), *model.rows[row].reversals)))
 
 
 def moved_by_friction(model: Model, row: int) -> bool:
@@ -36,10 +44,12 @@ def rests_can_be_open(model: Model, row: int) -> bool:
     """Tell whether sensors say where all speeds whose signs a row of an arm holds are near zero.
 
     Not where it holds positions that other motors move: with the rests of all motors open, slow motion that
-    motors alone see told springs of three joints an order of magnitude less well.
+    motors alone see told springs of three joints an order of magnitude less well. A differentiated row has
+    no other choice: a mask as wide as its low-pass reaches leaves nothing of a motor that turns often.
     """
-    kernel, own = model.kernel, direction_keys(model, row)
-    if not model.is_arm or (isinstance(kernel, DeflectedKernel) and kernel.speeds):
+    kernel, own = model.kernel, own_speeds(model, row)
+    given = isinstance(kernel, DeflectedKernel) and bool(kernel.speeds)
+    if not model.is_arm or (given and not model.rows[row].reversals):
         return False
     sensed = {one.key for one in model.signals if one.sensor is not None}
     return bool(own) and sensed.issuperset(own) and speeds_of_sensors(model, row) == own

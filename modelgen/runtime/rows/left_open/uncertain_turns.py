@@ -105,6 +105,9 @@ def without_uncertain_turns(
                 rests, turning = _rests_and_turns(turning, used, factor, pulses.shape[1] // 2)
             samples, certain = turning
             most = _most_open(samples[certain < NO_SIGN] // factor, found[k].count, measured)
+            if model.rows[row].reversals:
+                # no column of the row holds what friction jumps by
+                most = len(samples)
             samples = np.union1d(rests, least_certain(samples, certain, factor, most))
             forces = OpenForces(samples, pulses, rows.grid[0], factor)
             found[k] = with_open_forces(found[k], forces, STRETCH)
@@ -147,9 +150,12 @@ def _felt_orders(model: Model, row: int) -> tuple[int, ...]:
     """Return which derivatives of a force that is off a row feels.
 
     One that moves a position is felt in the highest derivative of that, of which the row holds inertia times
-    force over stiffness; the lower ones are slow against a pulse.
+    force over stiffness; the lower ones are slow against a pulse. A row that is differentiated feels a jump
+    as a pulse, differentiated once less.
     """
-    kernel = model.kernel
+    kernel, info = model.kernel, model.rows[row]
+    if info.reversals:
+        return (info.differentiated - 1,)
     if not isinstance(kernel, DeflectedKernel) or not moved_by_friction(model, row):
         return (0,)
     of = {differentiated(one.channel, order): order for one in kernel.giving for order in (1, 2)}

@@ -1,10 +1,12 @@
-"""What dampers add to joint torques at the instants at which held commands change, taken off these.
+"""Speeds of motors at the instants at which held commands change, read by tachometers and felt by dampers.
 
 A command that a drive holds gives the motor an acceleration that jumps at every sample. Its speed at that
 instant is less than what positions say that are read at samples, by h^2 / 12 times what the acceleration
-grows by per s, h the time between samples: an image of the command that sampling folds back (`held_images`).
-A torque sensor behind the motor feels it through the damper. Little as that is, of a damper's torque it is
-(h omega)^2 / 12, with omega^2 = K / Ia: 0.2 % at 1 kHz of a motor that swings at 23 Hz on its spring.
+grows by per s, h the time between samples: what sampling folds back of the command (`held_images`).
+A tachometer reads that speed: of tones of 25 Hz at 500 Hz it shows (h omega)^2 / 12, 0.8 %, more, and
+inertias of motors were up to as much too small, 11 deviations. A torque sensor behind the motor feels it
+through the damper. Little as that is, of a damper's torque it is (h omega)^2 / 12, with omega^2 = K / Ia:
+0.2 % at 1 kHz of a motor that swings at 23 Hz on its spring.
 """
 
 from __future__ import annotations
@@ -24,8 +26,8 @@ from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
 
-def without_damper_images(task: Task, held: Collection[str]) -> Task:
-    """Return the task without images in its joint torques; the same where no sensor feels one.
+def with_speeds_of_positions(task: Task, held: Collection[str]) -> Task:
+    """Return the task with speeds of motors as positions say; the same where no sensor reads or feels one.
 
     Its records have the commands `held` as a hold makes them. Least squares of its rows give inertia of the
     drives and damping: an error of a percent in these is one of a percent of very little.
@@ -39,8 +41,8 @@ def without_damper_images(task: Task, held: Collection[str]) -> Task:
     point = run_wls(on_time)[1].all_parameters(model.base_parameters)
     values = dict(zip(model.base_parameters, point.tolist(), strict=True))
     seconds = {
-        torque: (drive, lever * values[damping] / values[inertia])
-        for torque, (drive, lever, damping, inertia) in felt.items()
+        channel: (drive, lever * (values[damping] if damping else 1.0) / values[inertia])
+        for channel, (drive, lever, damping, inertia) in felt.items()
         if values[inertia] > 0.0
     }
 
@@ -48,9 +50,9 @@ def without_damper_images(task: Task, held: Collection[str]) -> Task:
         return tuple(
             record.edited(
                 {
-                    torque: Edit(torque, partial(_without, record, drive, share / record.fs**2))
-                    for torque, (drive, share) in seconds.items()
-                    if torque in record.signals
+                    channel: Edit(channel, partial(_without, record, drive, share / record.fs**2))
+                    for channel, (drive, share) in seconds.items()
+                    if channel in record.signals
                 }
             )
             for record in records
@@ -60,7 +62,10 @@ def without_damper_images(task: Task, held: Collection[str]) -> Task:
 
 
 def _felt(model: Model, held: Collection[str]) -> dict[str, tuple[str, float, str, str]]:
-    """Return the torques behind drives that hold: by channel the drive, its lever, damping and inertia."""
+    """Return what feels speeds of motors whose drives hold: by channel drive, lever, damping and inertia.
+
+    The damping is that of a torque behind the motor; of a speed there is none.
+    """
     levers = {one.key: one.lever for one in model.actuators if one.key in held}
     named = {
         (one.role, one.bodies[0]): name
@@ -69,17 +74,24 @@ def _felt(model: Model, held: Collection[str]) -> dict[str, tuple[str, float, st
     }
     found = {}
     for sensor in model.module.SENSORS:
-        drive = f"{DRIVE}{sensor['joint']}"
-        damping, inertia = (named.get((role, sensor["joint"])) for role in ("damping", "inertia"))
-        if sensor["measures"] == "torque" and drive in levers and damping and inertia:
+        drive, what = f"{DRIVE}{sensor['joint']}", (sensor["measures"], sensor["side"])
+        damping, inertia = (named.get((role, sensor["joint"]), "") for role in ("damping", "inertia"))
+        if drive not in levers or not inertia:
+            continue
+        if what[0] == "torque" and damping:
             found[sensor["key"]] = drive, levers[drive], damping, inertia
+        elif what == ("velocity", "motor"):
+            # in front of the gear the motor moves so many times as far
+            found[sensor["key"]] = drive, levers[drive] ** 2, "", inertia
+        elif what == ("velocity", "deflection"):
+            found[sensor["key"]] = drive, levers[drive], "", inertia
     return found
 
 
 def _without(record: Record, drive: str, by: float, samples: FloatArray, start: int) -> FloatArray:
-    """Return samples of a torque, from `start` on, without an image of a drive's force.
+    """Return samples of a torque or a speed, from `start` on, without what a drive's force adds to it.
 
-    That is -`by` / 12, in s, times what the force grows by per s.
+    That is -`by` / 12, in the channel's unit times s over that of the force, times what this grows by per s.
     """
     first, stop = max(start - 1, 0), min(start + len(samples) + 1, record.n)
     if stop - first < 2:

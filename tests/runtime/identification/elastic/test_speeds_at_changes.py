@@ -1,4 +1,4 @@
-"""Held commands that a torque sensor feels through a damper, which samples of positions do not show."""
+"""Held commands that tachometers read, and dampers give torque sensors, which positions do not show."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from modelgen.runtime.identification.elastic import damper_images
+from modelgen.runtime.identification.elastic import speeds_at_changes
 from modelgen.runtime.least_squares.delays import with_holds
 from modelgen.runtime.records.record import Record
 
@@ -33,18 +33,18 @@ class Rows:
 class Task:
     """What the torques of one joint are cleaned in."""
 
-    def __init__(self, records: tuple[Record, ...], measures: str = "torque") -> None:
-        sensor = {"key": "t_1", "joint": "1", "measures": measures}
+    def __init__(self, records: tuple[Record, ...], measures: str = "torque", side: str = "between") -> None:
+        sensor = {"key": "t_1", "joint": "1", "measures": measures, "side": side}
         self.model = SimpleNamespace(
             actuators=(SimpleNamespace(key="tau_1", lever=GEAR),),
             roles=ROLES,
             base_parameters=NAMES,
             module=SimpleNamespace(SENSORS=(sensor,)),
         )
-        self.job, self.records = Rows(), records
+        self.job, self.records, self.sensor = Rows(), records, (measures, side)
 
     def changed(self, change: Any) -> Task:
-        return Task(change(self.records))
+        return Task(change(self.records), *self.sensor)
 
 
 def turned() -> tuple[Record, np.ndarray, np.ndarray]:
@@ -70,12 +70,12 @@ def test_a_torque_is_that_of_the_speed_that_positions_say(monkeypatch: pytest.Mo
         assert not job.late, "motion from point to point may not tell delays, and nothing came out then"
         return None, fit
 
-    monkeypatch.setattr(damper_images, "run_wls", least_squares)
+    monkeypatch.setattr(speeds_at_changes, "run_wls", least_squares)
     spectrum = 2j * np.pi * np.fft.rfftfreq(COUNT, 1.0 / FS) * np.fft.rfft(position)
     read = np.fft.irfft(spectrum, COUNT)
     said = STIFFNESS * position + DAMPING * read
     held: Any = Task(with_holds((record,), ("tau_1",)))
-    cleaned: Any = damper_images.without_damper_images(held, ("tau_1",))
+    cleaned: Any = speeds_at_changes.with_speeds_of_positions(held, ("tau_1",))
     # holds do not know what was before the record
     inside = slice(200, -200)
     before = np.std((record.signals["t_1"] - said)[inside])
@@ -84,9 +84,28 @@ def test_a_torque_is_that_of_the_speed_that_positions_say(monkeypatch: pytest.Mo
     assert after < 0.01 * before
 
 
+@pytest.mark.parametrize(("side", "turns"), [("motor", GEAR), ("deflection", 1.0)])
+def test_a_tachometer_reads_the_speed_that_positions_say(
+    monkeypatch: pytest.MonkeyPatch, side: str, turns: float
+) -> None:
+    record, position, speed = turned()
+    record = Record({**record.signals, "t_1": turns * speed}, FS, "held")
+    monkeypatch.setattr(
+        speeds_at_changes, "run_wls", lambda job: (None, SimpleNamespace(all_parameters=lambda names: VALUES))
+    )
+    said = turns * np.fft.irfft(2j * np.pi * np.fft.rfftfreq(COUNT, 1.0 / FS) * np.fft.rfft(position), COUNT)
+    held: Any = Task(with_holds((record,), ("tau_1",)), "velocity", side)
+    cleaned: Any = speeds_at_changes.with_speeds_of_positions(held, ("tau_1",))
+    inside = slice(200, -200)
+    before = np.std((record.signals["t_1"] - said)[inside])
+    after = np.std((cleaned.records[0].signals["t_1"] - said)[inside])
+    assert before > 1e-4 * np.std(said)
+    assert after < 0.01 * before
+
+
 def test_what_feels_no_held_command_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     record, *_ = turned()
-    monkeypatch.setattr(damper_images, "run_wls", lambda job: pytest.fail("no rows are needed"))
+    monkeypatch.setattr(speeds_at_changes, "run_wls", lambda job: pytest.fail("no rows are needed"))
     for task, held in ((Task((record,)), ()), (Task((record,), "position"), ("tau_1",))):
         given: Any = task
-        assert damper_images.without_damper_images(given, held) is task
+        assert speeds_at_changes.with_speeds_of_positions(given, held) is task
