@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from modelgen.runtime.identification.explanation.commands.held_commands import (
+    held_commands,
+    with_held_commands,
+)
+from modelgen.runtime.identification.explanation.commands.held_images import stepping_commands
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.iv.low_pass import without_lag
@@ -238,3 +245,20 @@ def test_nor_is_a_current_loop_about_a_body_that_is_not_seen(samples: float) -> 
     assert not told_held(found)
     for one in found.parameters.physical:
         assert abs(one.value - HIDDEN[one.name]) < 3.0 * one.std, one.name
+
+
+@pytest.mark.parametrize("unknown", [(), ("J_m",), ("J_m", "Gamma_m")])
+def test_a_force_whose_delay_is_not_known_is_not_looked_at_for_a_hold(unknown: tuple[str, ...]) -> None:
+    force = np.repeat(np.random.default_rng(0).choice([-1.0, 1.0], 100), 10)
+    records = (Record({"q_m": np.arange(1000.0), "Gamma_m": force}, FS),)
+    task = SimpleNamespace(
+        job=SimpleNamespace(late=("Gamma_m",), records=records),
+        records=records,
+        checks=SimpleNamespace(drift_check=True),
+    )
+    fit = SimpleNamespace(delays=(("Gamma_m", -0.5 / FS, 0.0),), carried=SimpleNamespace(unknown=unknown))
+    first: Any = SimpleNamespace(task=task, found=SimpleNamespace(fit=fit, effects=(), sizes=()))
+    assert stepping_commands(first.task) == ["Gamma_m"]
+    assert (held_commands(first) == {}) == ("Gamma_m" in unknown)
+    if "Gamma_m" in unknown:
+        assert with_held_commands(first.task, first, (), lambda _: pytest.fail("estimated in vain")) is first
