@@ -52,9 +52,11 @@ def with_aligned_channels(task: Task, rest: Drifting | None) -> tuple[Task, Drif
     if held:
         plain = task.doubts
         task = replace(task, doubts=lambda: (*plain(), told_holds(held)))
+    # what tachometers read of holds would be told as something else
+    task = with_speeds_of_positions(task, held, "velocity")
     changed, found = with_channels_set_right(task, near_by, held)
     if found is None:
-        return with_speeds_of_positions(task, held), rest
+        return with_speeds_of_positions(task, held, "torque"), rest
     if found.changes_records:
         try:
             task, rest = about_from_near_by(changed)
@@ -62,7 +64,8 @@ def with_aligned_channels(task: Task, rest: Drifting | None) -> tuple[Task, Drif
             return task, rest
     task = replace(task, doubts=lambda: (*changed.doubts(), *found.advice))
     both = RestWithChannels(rest, found)
-    return with_speeds_of_positions(task, both.held), both
+    task = with_speeds_of_positions(task, found.held, "velocity")
+    return with_speeds_of_positions(task, both.held, "torque"), both
 
 
 def with_notes_of_springs(begun: Begun) -> Begun:

@@ -142,7 +142,8 @@ def joint_effects(rows: EffectRows, known: Sequence[Effect], rests: bool) -> Joi
     """Return the fit with the effects that are known, and those that rows show besides, one by one.
 
     What is large bends the rows, so that small ones seem to be off as well: while steps do not rest only what
-    explains a large share of what is left is taken up.
+    explains a large share of what is left is taken up. Rows without a force weigh less than their residual
+    asks for: what explains others by letting these leave more is less likely, and is not looked for again.
     """
     chosen, model = [*known], rows.job.model
     forces = {actuator.key for actuator in model.actuators}
@@ -160,7 +161,11 @@ def joint_effects(rows: EffectRows, known: Sequence[Effect], rests: bool) -> Joi
             told = [one for one in told if not isinstance(one.effect, ForceGain)]
         if not told:
             return JointEffects(fit, tuple(chosen), rows)
-        chosen.append(_first(told, forces))
+        first = _first(told, forces)
+        if rows.solved([*chosen, first]).misfit > fit.misfit:
+            rows = rows.without(first)
+            continue
+        chosen.append(first)
         if told[0].explained > LARGE_PART:
             # what it hid from least squares, as a spring, is in its column
             rows = rows.about(rows.solved(chosen))

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 from functools import partial
+from typing import Literal
 
 import numpy as np
 
@@ -25,14 +26,17 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
+Measured = Literal["velocity", "torque"]
 
-def with_speeds_of_positions(task: Task, held: Collection[str]) -> Task:
+
+def with_speeds_of_positions(task: Task, held: Collection[str], measured: Measured) -> Task:
     """Return the task with speeds of motors as positions say; the same where no sensor reads or feels one.
 
     Its records have the commands `held` as a hold makes them. Least squares of its rows give inertia of the
-    drives and damping: an error of a percent in these is one of a percent of very little.
+    drives and damping: an error of a percent in these is one of a percent of very little. Channels that are
+    late move dampings by more than that: what is `measured` as a torque is set right behind them.
     """
-    felt = _felt(task.model, held)
+    felt = _felt(task.model, held, measured)
     if not felt:
         return task
     model = task.model
@@ -61,7 +65,7 @@ def with_speeds_of_positions(task: Task, held: Collection[str]) -> Task:
     return task.changed(cleaned)
 
 
-def _felt(model: Model, held: Collection[str]) -> dict[str, tuple[str, float, str, str]]:
+def _felt(model: Model, held: Collection[str], measured: Measured) -> dict[str, tuple[str, float, str, str]]:
     """Return what feels speeds of motors whose drives hold: by channel drive, lever, damping and inertia.
 
     The damping is that of a torque behind the motor; of a speed there is none.
@@ -76,7 +80,7 @@ def _felt(model: Model, held: Collection[str]) -> dict[str, tuple[str, float, st
     for sensor in model.module.SENSORS:
         drive, what = f"{DRIVE}{sensor['joint']}", (sensor["measures"], sensor["side"])
         damping, inertia = (named.get((role, sensor["joint"]), "") for role in ("damping", "inertia"))
-        if drive not in levers or not inertia:
+        if drive not in levers or not inertia or what[0] != measured:
             continue
         if what[0] == "torque" and damping:
             found[sensor["key"]] = drive, levers[drive], damping, inertia

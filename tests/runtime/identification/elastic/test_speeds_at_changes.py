@@ -75,7 +75,7 @@ def test_a_torque_is_that_of_the_speed_that_positions_say(monkeypatch: pytest.Mo
     read = np.fft.irfft(spectrum, COUNT)
     said = STIFFNESS * position + DAMPING * read
     held: Any = Task(with_holds((record,), ("tau_1",)))
-    cleaned: Any = speeds_at_changes.with_speeds_of_positions(held, ("tau_1",))
+    cleaned: Any = speeds_at_changes.with_speeds_of_positions(held, ("tau_1",), "torque")
     # holds do not know what was before the record
     inside = slice(200, -200)
     before = np.std((record.signals["t_1"] - said)[inside])
@@ -95,7 +95,7 @@ def test_a_tachometer_reads_the_speed_that_positions_say(
     )
     said = turns * np.fft.irfft(2j * np.pi * np.fft.rfftfreq(COUNT, 1.0 / FS) * np.fft.rfft(position), COUNT)
     held: Any = Task(with_holds((record,), ("tau_1",)), "velocity", side)
-    cleaned: Any = speeds_at_changes.with_speeds_of_positions(held, ("tau_1",))
+    cleaned: Any = speeds_at_changes.with_speeds_of_positions(held, ("tau_1",), "velocity")
     inside = slice(200, -200)
     before = np.std((record.signals["t_1"] - said)[inside])
     after = np.std((cleaned.records[0].signals["t_1"] - said)[inside])
@@ -108,4 +108,5 @@ def test_what_feels_no_held_command_stays_as_it_is(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(speeds_at_changes, "run_wls", lambda job: pytest.fail("no rows are needed"))
     for task, held in ((Task((record,)), ()), (Task((record,), "position"), ("tau_1",))):
         given: Any = task
-        assert speeds_at_changes.with_speeds_of_positions(given, held) is task
+        for measured in ("velocity", "torque"):
+            assert speeds_at_changes.with_speeds_of_positions(given, held, measured) is task
