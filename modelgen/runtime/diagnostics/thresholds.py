@@ -160,6 +160,8 @@ MOVES, AROUND = 0.1, 8
 # A mass slows down where it moves by less than this share of what it moved in the time before (a third by a
 # steady force); looked at in so many times, each twice as long, until so many deviations of noise are moved.
 SLOWER, SPANS, MOVES_CLEARLY = 0.6, 4, 4.0
+# Samples over which a force that settles behind a current loop slows down by as much.
+SETTLING = (2, 4)
 # A sensor goes on as before where it misses its track behind a leap by less than the first share of how far
 # wrong readings are off, and its steps there change by less than the second; so many are bridged at most.
 BACK_ON_TRACK, BENT, LONGEST_BRIDGED = 0.1, 0.2, 8

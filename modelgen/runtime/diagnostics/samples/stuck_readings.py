@@ -32,6 +32,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     REPEATED_NOISE,
     RESOLUTIONS,
     SELDOM,
+    SETTLING,
     SHORTEST_RUN,
     SLOWER,
     SPANS,
@@ -117,6 +118,8 @@ def faulty_runs(
     clipped = short & bent & ((before & after) | _only_there(short, lengths, len(samples)))
     if measures == "position":
         clipped[clipped] = ~_slows_down(samples, runs, np.flatnonzero(clipped))
+    elif not measures and _settles(samples, runs, np.flatnonzero(clipped)):
+        clipped[:] = False
     if measures in LEAP_AFTER_STUCK:
         largest = max(full, float(np.quantile(excerpt(steps), 0.99)))
         wrong = step_at(steps, runs.last) > LEAP_AFTER_STUCK[measures] * largest
@@ -198,6 +201,20 @@ def _slows_down(samples: FloatArray, runs: Runs, which: IntArray) -> BoolArray:
                 found[index] = abs(here - before) < SLOWER * abs(before - earlier)
                 break
     return found
+
+
+def _settles(samples: FloatArray, runs: Runs, which: IntArray) -> bool:
+    """Tell whether a force mostly comes to rest by itself, as behind a current loop after a step.
+
+    What is cut off at a limit runs into it as fast as before, but where it vibrates fast.
+    """
+    found, least = np.zeros(len(which), dtype=bool), RESOLUTIONS * runs.resolution
+    for span in SETTLING:
+        here, before, earlier = samples[np.maximum(runs.first[which] - span * np.arange(3)[:, None], 0)]
+        moved = np.abs(before - earlier)
+        found |= (moved > least) & (np.abs(here - before) < SLOWER * moved)
+    lengths = runs.lengths[which]
+    return bool(np.sum(lengths[found]) > 0.5 * np.sum(lengths))
 
 
 def _only_there(short: BoolArray, lengths: IntArray, n: int) -> bool:

@@ -154,6 +154,20 @@ def test_a_force_that_jumps_when_a_controller_feels_a_count_is_not_stuck_between
     assert suspicions(RIGID, [beside(force)]) == ()
 
 
+@pytest.mark.parametrize("lag", [0.3, 0.5, 0.7])
+@pytest.mark.parametrize("hold", [10, 30])
+def test_a_binary_command_behind_a_current_loop_is_not_clipped(lag: float, hold: int) -> None:
+    command = np.repeat(np.random.default_rng(1).choice([-1.0, 1.0], 4000 // hold), hold)
+    force = 1e-3 * np.round(1e3 * lfilter([1.0 - lag], [1.0, -lag], command))
+    assert suspicions(RIGID, [beside(force)]) == ()
+
+
+def test_a_force_that_is_cut_off_is_clipped_all_the_same() -> None:
+    force = 1e-3 * np.round(1e3 * np.sin(2.0 * np.pi * 3.0 * np.arange(4000) / 1000.0))
+    found = suspicions(RIGID, [beside(np.clip(force, -0.95, 0.95))])
+    assert [one.kind for one in found] == ["clipped", "clipped"]
+
+
 @pytest.mark.parametrize("n", [2, 3, 4, 5, 10])
 def test_records_of_a_few_samples_are_examined(n: int) -> None:
     samples = np.arange(float(n)) ** 2
