@@ -113,6 +113,8 @@ DIRECTION_FACTOR = 2.0
 # Chance that a run of equal readings as long as one that counts comes about in a record by itself.
 CHANCE = 1e-6
 SHORTEST_RUN = 8
+# So many runs tell how often a reading that was repeated is so again, to a sixth of a share of a half.
+MANY_RUNS = 50
 # Clipped readings come in runs of at least three; so many runs at the ends of the range, and fewer than this
 # share elsewhere, are no chance.
 CLIPPED_RUN, OFTEN, RARELY = 3, 4, 0.1

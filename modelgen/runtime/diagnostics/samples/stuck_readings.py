@@ -22,6 +22,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     CLIPPED_RUN,
     FULL_SPEED,
     LEAP_AFTER_STUCK,
+    MANY_RUNS,
     MOSTLY,
     MOVES,
     MOVES_CLEARLY,
@@ -227,8 +228,12 @@ def _longest_by_chance(n: int, lengths: IntArray, shortest: int) -> float:
     """Return the length from which on a run does not come about by itself.
 
     How often neighbours are equal is counted without the longest run: it may be the fault that is looked for.
+    Where many runs show it, so is how often two equal ones are followed by a third: noise does not care, a
+    force between the pulses of its controller does.
     """
     equal = float(np.sum(lengths - 1) - (lengths.max(initial=1) - 1)) / n
+    if len(lengths) >= MANY_RUNS:
+        equal = max(equal, float(np.mean(lengths > 2)))
     if equal <= 0.0:
         return float(shortest)
     return max(float(shortest), 1.0 + float(np.log(CHANCE / n) / np.log(min(equal, 0.999))))

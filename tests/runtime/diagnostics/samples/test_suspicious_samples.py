@@ -144,14 +144,24 @@ def beside(force: FloatArray) -> Record:
     return Record({"q_m": moved + 1e-5 * rng.normal(size=len(force)), "F": force}, 1000.0, "run")
 
 
+def felt_counts(seed: int, often: float, seldom: float, periods: int) -> FloatArray:
+    """A force under a controller that feels its encoder's counts, many a second and in a tenth of it few."""
+    rng = np.random.default_rng(seed)
+    rates = np.tile([often] * 9 + [seldom], periods).repeat(200)
+    pulses = np.where(rng.uniform(size=len(rates)) < rates, -30.0, 0.0)
+    wanted = 120.0 * np.sin(2.0 * np.pi * np.arange(len(rates)) / len(rates))
+    return np.round(wanted + lfilter([1.0], [1.0, -0.5], pulses))
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_force_that_jumps_when_a_controller_feels_a_count_is_not_stuck_between(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    often = np.repeat([0.3, 0.3, 0.03, 0.3, 0.3, 0.03, 0.3, 0.3], 500)  # the axis moves fast, and slowly
-    pulses = np.where(rng.uniform(size=4000) < often, -30.0, 0.0)
-    wanted = 120.0 * np.sin(2.0 * np.pi * np.arange(4000) / 4000)
-    force = np.round(wanted + lfilter([1.0], [1.0, -0.5], pulses))
-    assert suspicions(RIGID, [beside(force)]) == ()
+    assert suspicions(RIGID, [beside(felt_counts(seed, 0.3, 0.03, 2))]) == ()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_repeated_readings_of_which_there_are_many_tell_how_long_they_last(seed: int) -> None:
+    found = suspicions(RIGID, [beside(felt_counts(seed, 0.4, 0.05, 10))])
+    assert "stuck" not in [one.kind for one in found]
 
 
 @pytest.mark.parametrize("lag", [0.3, 0.5, 0.7])
