@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.magnitudes import is_usable
-from modelgen.runtime.iv.thresholds import LEFT_OF_FORCE
+from modelgen.runtime.iv.thresholds import LEFT_OF_FORCE, ROUNDED_TERM
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import negative_columns
@@ -40,7 +40,7 @@ def diverged(what: str, fit: Fit | None = None, model: Model | None = None) -> I
         For the roles of its columns.
     """
     seen = _unbalanced(fit) if fit is not None else ""
-    negative = negative_columns(model, fit) if fit is not None and model is not None else {}
+    negative = _negative(fit, model) if fit is not None and model is not None else {}
     signs = ", ".join(f"{name} = {value:.3g}" for name, value in negative.items())
     told = "; ".join(
         part for part in (what, seen, f"{signs}: no such thing is negative" if signs else "") if part
@@ -49,6 +49,15 @@ def diverged(what: str, fit: Fit | None = None, model: Model | None = None) -> I
     lacking = [LACKING[role] for role in roles] or [OTHERWISE]
     remedy = f"{CHANNELS}; if so, {', '.join(lacking)}"
     return IdentifiabilityError.at("method iv", f"does not converge: {told}", remedy)
+
+
+def _negative(fit: Fit, model: Model) -> Mapping[str, float]:
+    """Return the columns that are negative and cannot be, with their values, less what rounding made so."""
+    found, columns = negative_columns(model, fit), range(len(fit.columns))
+    size = np.linalg.norm([[block.column_norm(c) for c in columns] for block in fit.blocks], axis=0)
+    terms = dict(zip(fit.columns, np.abs(size * fit.solution.x).tolist(), strict=True))
+    least = ROUNDED_TERM * max(terms.values(), default=0.0)
+    return {name: value for name, value in found.items() if terms[name] > least}
 
 
 def simulation_failed(error: DataError, fit: Fit, model: Model) -> IdentifiabilityError:

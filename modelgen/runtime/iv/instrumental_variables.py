@@ -195,8 +195,8 @@ def instruments(fit: Fit, setting: Setting, runs: Mapping[int, Record]) -> tuple
 def weighed(fit: Fit) -> Fit:
     """Return the fit with weights from its residuals.
 
-    No residual counts as smaller than what rounding allows: the forces, which alone fix the scale, would be
-    lost beside a load row that is exact.
+    No residual counts as smaller than a share of its largest term: the forces, which alone fix the scale,
+    would be lost beside a load row that is exact.
 
     Raises
     ------

@@ -36,9 +36,9 @@ HELD_STRETCH, HELD_REACHES, KEPT_STRETCHES = 1 << 16, 2, 4
 # noise of accelerations grows with the band to the power of five, and rows look at five times the motion's.
 ARM_SMOOTHING, ARM_SMOOTHING_ORDER = 2.0, 4
 
-# Gauss-Newton steps from one start, at most; so many where the last come `NEARLY` to rest: another start
-# takes as many again.
-COMPOSITE_ROUNDS, CREEPING_ROUNDS = 25, 40
+# Gauss-Newton steps from one start, at most; so many where the last come `NEARLY` to rest, or leave less by
+# `LEAVES_LESS` (a mean logarithm) than those before: another start takes as many again.
+COMPOSITE_ROUNDS, CREEPING_ROUNDS, LEAVES_LESS = 25, 40, 0.1
 # Rows are made white when a step moves nothing by more than this many standard deviations, or after so many:
 NEARLY, ROUGH_ROUNDS = 3.0, 8
 # Done when nothing moves by more than this share of its standard deviation, or of its value;
@@ -55,6 +55,9 @@ HELD_DELAY, HELD_ROUNDS = 2.0, 4
 HELD_STARTS, HELD_PARTS = 3, (0.0, 0.5)
 # A step changes no parameter of the body or link by more than this share: far away the rows are not linear.
 LARGEST_STEP = 0.5
+# Where rows leave more by this (a mean logarithm) at its end, a step has led too far: half of it is gone, but
+# no less than this part; the next ones grow again.
+LEAVES_MORE, LEAST_PART = 0.5, 0.05
 # Steps are combined with those before where neither they nor the noise change a size by more than this share.
 LINEAR_SHARE = 0.1
 # Nor can a parameter be this many times smaller or larger than at the start.
@@ -82,8 +85,10 @@ VANISHED_ROW = 1e-6
 EXACTNESS = 1e-3
 # No residual counts as less than this share of a row's largest term. At 1e-3 a gear of 100 with encoders of
 # 3e-6 rad left 3 to 5 times the noise in its load's row, which holds to 1e-5, and every fifth record had
-# intervals 20 times too wide; below 1e-6 rounding decides.
-LEAST_RESIDUAL = 1e-6
+# intervals 20 times too wide; at 1e-5 the scale of a tree's rows that hold exactly is lost.
+LEAST_RESIDUAL = 1e-4
+# What is negative by less than this share of the largest term is zero, and rounding.
+ROUNDED_TERM = 1e-9
 
 # Points a sample on a spline through the force: straight lines take (pi f / fs)^2 / 3 off a sine of f Hz.
 BETWEEN = 4

@@ -97,9 +97,13 @@ def within_rounding(effect: Effect, size: float, simulated: Sequence[Simulated])
     return seen
 
 
-def summed(unseen: Sequence[Effect]) -> tuple[str, ...]:
-    """Return the note that labels friction of several bodies that these sensors see as a sum."""
-    names = [effect.name for effect in unseen if effect.name.startswith(SUMMED)]
+def summed(unseen: Sequence[Effect], known: Sequence[Effect]) -> tuple[str, ...]:
+    """Return the note that labels friction of several bodies that these sensors see as a sum.
+
+    Each is named once, and none of those that are `known`, being estimated.
+    """
+    every = dict.fromkeys(effect.name for effect in unseen if effect.name.startswith(SUMMED))
+    names = [name for name in every if name not in {effect.name for effect in known}]
     if not names:
         return ()
     return (

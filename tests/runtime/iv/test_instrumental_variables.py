@@ -127,7 +127,7 @@ def test_with_noise_in_the_force_alone_the_force_still_fixes_the_scale(parameter
 def test_a_row_that_holds_nearly_exactly_weighs_what_it_leaves() -> None:
     """A floor of a thousandth of its terms had left three times the noise in it, behind a gear of 100."""
     rng = np.random.default_rng(5)
-    noise = {"q_m": 1e-7, "q_c": 1e-7, "Gamma_m": 1e-4}
+    noise = {"q_m": 4e-6, "q_c": 4e-6, "Gamma_m": 1e-4}
     records = [
         Record(
             {key: y + noise[key] * rng.standard_normal(record.n) for key, y in record.signals.items()},
@@ -139,7 +139,7 @@ def test_a_row_that_holds_nearly_exactly_weighs_what_it_leaves() -> None:
     setting = Setting(QC, records, choose_filter(QC, records))
     fit = fit_iv(fit_matched(observe(QC, records, setting.choice, turns=False)), setting)
     exact = [at for at, block in enumerate(fit.blocks) if not block.has_force]
-    assert max(fit.left_shares[at] for at in exact) < 2e-4
+    assert max(fit.left_shares[at] for at in exact) < 9e-4
     for at, weight in enumerate(fit.weights):
         assert weight * fit.rms(at) == pytest.approx(1.0, rel=0.02)
 

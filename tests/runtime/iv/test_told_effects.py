@@ -11,7 +11,7 @@ import pytest
 
 from modelgen.runtime.advice import ROWS_OWN
 from modelgen.runtime.iv.model_errors import effects_of, zero_effect
-from modelgen.runtime.iv.told_effects import below_noise, left, within_rounding
+from modelgen.runtime.iv.told_effects import below_noise, left, summed, within_rounding
 from modelgen.runtime.records.record import Record
 from tests.runtime.two_mass_records import RAMPS, SMALL
 
@@ -24,6 +24,16 @@ def test_friction_at_low_speed_is_a_warning_where_no_samples_about_reversals_are
     assert ("direction of m" in effects) == turning
     told = left(effects["Stribeck friction on m"], 1e-3, ())
     assert told.kind == (ROWS_OWN if turning else "more than the model")
+
+
+def test_friction_that_is_estimated_is_in_no_sum() -> None:
+    effects = {one.name: one for one in effects_of(SMALL, ("m", "c"), RAMPS[:1])}
+    coulomb, viscous = effects["Coulomb friction on c"], effects["viscous friction on c"]
+    (both,) = summed((coulomb, viscous, coulomb), ())
+    assert both.count("Coulomb") == both.count("viscous") == 1
+    (one,) = summed((coulomb, viscous), (coulomb,))
+    assert "Coulomb" not in one
+    assert summed((coulomb,), (coulomb,)) == ()
 
 
 @pytest.mark.parametrize(("share", "below"), [(0.5, True), (2.0, False)])

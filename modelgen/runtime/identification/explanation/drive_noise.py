@@ -2,15 +2,18 @@
 
 What noise n of a force moves in the simulation, Z holds and W does not: E[Z^T Y] is too large by E[dZ^T n].
 A chain takes power from any force, so its friction comes out too large, by as much in long records as in
-short ones. Z moves as the chain does that a weak feedback holds (`HeldChain`), linear between reversals. A
-noise of the same density is drawn, a random phase a frequency, and taken through all that the fit does to its
-rows: masks, weights that make them white, columns of delays that are projected out.
+short ones. Where a body is not seen, rows differentiate forces, and columns hold them: n is what the noise
+changes of Y - W X, and Z holds the force itself as well. Z moves as the chain does that a weak feedback holds
+(`HeldChain`), linear between reversals. A noise of the same density is drawn, a random phase a frequency, and
+taken through all that the fit does to its rows: masks, weights that make them white, columns of delays that
+are projected out, physical parameters in place of their sums.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from math import pi
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from math import pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -22,15 +25,21 @@ from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.diagnostics.thresholds import MOST_SAMPLES
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.thresholds import MOST_DRIVEN
 from modelgen.runtime.iv.held_motion import feedback_hz
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.least_squares.delays import advanced
+from modelgen.runtime.least_squares.efficient_weights import block_whiteners
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.thresholds import WHITENING_ORDER
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import unmasked_rows
 from modelgen.runtime.rows.row_block import runs_of
 from modelgen.runtime.simulation.held_chain import held_chain
 from modelgen.runtime.simulation.plant import Plant, make_plant, possible
+
+# rows of each block, with which columns these are
+Tables = Sequence[tuple[FloatArray, IntArray]]
 
 # Noise is drawn in periods of so many samples at most, and of a multiple of so many that are kept: transforms
 # of other lengths take far longer. Periods of more than a few forces are shorter: all are in memory.
@@ -50,7 +59,7 @@ class DriveBias(NamedTuple):
 
     `spread`, (c, c), is the covariance of that number, and `share` the largest share of the instruments'
     power along a direction that is this noise. It is `at_most` so much where what stands in a force's floor
-    is no noise alone.
+    is no noise alone. `carried` is the shift of all columns of the fit of physical parameters, if it was one.
     """
 
     shift: FloatArray
@@ -58,6 +67,7 @@ class DriveBias(NamedTuple):
     spread: FloatArray
     share: float
     at_most: bool = False
+    carried: FloatArray | None = None
 
 
 def drive_bias(job: Job, fit: Fit) -> DriveBias:
@@ -72,29 +82,76 @@ def drive_bias(job: Job, fit: Fit) -> DriveBias:
     fit : Fit
         With instruments that the forces drive.
     """
-    made, inverse = fit.regressors.made, fit.solution.inverse
+    estimated = fit if fit.carried is None else fit.carried.linear
+    made, inverse = estimated.regressors.made, estimated.solution.inverse
     if fit.white is not None:
         made, inverse = fit.white.regressors.made, fit.white.inverse
-    c = len(fit.columns)
+    c = len(estimated.columns)
     own = np.eye(c) if made is None else made[:c]
     plant = make_plant(job.model, possible(job.model, simulation_parameters(job.model, fit)))
     draws = max(FEWEST_DRAWS, DRAWS // len(job.model.actuators))
     passed = {index: _passed(job, fit, index) for index in fit.by_record}
     found, power = np.zeros((draws, len(inverse))), np.zeros((c + 1, c + 1))
+    slope = None if fit.carried is None else _slope(job, fit)
+    weighed = partial(_weighed, fit) if slope is None else _of_physical(job, fit, slope, c)
     for draw in range(draws):
         products = np.zeros((c + 1, c + 1))
-        for part, places in _weighed(fit, _drawn(job, fit, plant, passed, draw)):
+        for part, places in weighed(_drawn(job, fit, plant, passed, draw)):
             products[np.ix_(places, places)] += part.T @ part
-        found[draw] = inverse @ (own.T @ products[:c, c])
+        found[draw] = own.T @ products[:c, c]
         power += products / draws
+    noisy = own.T @ power[:c, :c] @ own
+    if slope is not None:
+        inverse = _known(inverse, noisy)
+    found, share = found @ inverse, _largest(inverse, noisy)
     shift = found.mean(axis=0)
-    apart = (found - shift)[:, :c]
-    spread = apart.T @ apart / (draws * (draws - 1))
-    share = _largest(inverse, own.T @ power[:c, :c] @ own)
-    # columns of delays stand behind the parameters' where rows are white, and are projected out elsewhere
-    delays = shift[c : c + len(fit.delays)] if fit.white is not None else _of_delays(job, fit, shift)
     at_most = min(float(one) for shares in passed.values() for one in shares.values()) < MOSTLY_NOISE
-    return DriveBias(shift[:c], delays, spread, share, at_most)
+    apart = (found - shift) / sqrt(draws * (draws - 1))
+    if slope is not None:
+        p = slope.shape[1]
+        moves, late = apart[:, :p] @ slope.T, shift[p : p + len(fit.delays)]
+        return DriveBias(slope @ shift[:p], late, moves.T @ moves, share, at_most, shift)
+    # columns of delays stand behind the parameters' where rows are white, and are projected out elsewhere
+    late = shift[c : c + len(fit.delays)] if fit.white is not None else _of_delays(job, fit, shift)
+    return DriveBias(shift[:c], late, apart[:, :c].T @ apart[:, :c], share, at_most)
+
+
+def _known(inverse: FloatArray, noisy: FloatArray) -> FloatArray:
+    """Return the inverse of a fit of physical parameters, (c, c), less the directions that are mostly noise.
+
+    Rows are not linear as far as these go, and what noise does there is not known: an overdamped load and a
+    delay are told apart by next to nothing. `noisy` is the part of the inverse's inverse that is noise.
+    """
+    scale = np.sqrt(np.maximum(np.diag(inverse), np.finfo(float).tiny))
+    size, along = np.linalg.eigh(inverse / np.outer(scale, scale))
+    root = scale[:, None] * along * np.sqrt(np.maximum(size, 0.0))
+    shares, turned = np.linalg.eigh(root.T @ noisy @ root)
+    kept = root @ turned[:, shares <= MOST_DRIVEN]
+    return np.asarray(kept @ kept.T)
+
+
+def _slope(job: Job, fit: Fit) -> FloatArray:
+    """Return how the columns of a fit grow with the physical parameters that it was carried over from."""
+    slope = job.model.base_jacobian(simulation_parameters(job.model, fit))
+    return np.asarray(slope[[job.model.base_parameters.index(name) for name in fit.columns]])
+
+
+def _of_physical(job: Job, fit: Fit, slope: FloatArray, c: int) -> Callable[[Tables], Tables]:
+    """Return what takes rows in base columns to those of a fit of physical parameters, which are white.
+
+    That has c columns, and Y counts as the one behind them.
+    """
+    white_rows = block_whiteners(fit, job.choice.steps_s(job.records), WHITENING_ORDER)
+    places = np.append(np.arange(slope.shape[1]), c)
+
+    def weighed(tables: Tables) -> Tables:
+        found = []
+        for block, white_of, (table, own) in zip(fit.blocks, white_rows, tables, strict=True):
+            rows = np.column_stack([table[:, :-1] @ slope[own[:-1]], table[:, -1]])
+            found.append((white_of(rows[block.place % len(rows)], block.place), places))
+        return found
+
+    return weighed
 
 
 def _of_delays(job: Job, fit: Fit, shift: FloatArray) -> FloatArray:
@@ -127,9 +184,7 @@ def _largest(inverse: FloatArray, power: FloatArray) -> float:
     return size
 
 
-def _weighed(
-    fit: Fit, tables: Sequence[tuple[FloatArray, IntArray]]
-) -> Sequence[tuple[FloatArray, IntArray]]:
+def _weighed(fit: Fit, tables: Tables) -> Tables:
     """Return rows of blocks as the fit weighs them, and which columns these are, that repeat a table each."""
     repeated = [block.place % len(table) for block, (table, _) in zip(fit.blocks, tables, strict=True)]
     places = [own for _, own in tables]
@@ -144,7 +199,7 @@ def _weighed(
 def _drawn(
     job: Job, fit: Fit, plant: Plant, passed: Mapping[int, Mapping[str, FloatArray]], draw: int
 ) -> list[tuple[FloatArray, IntArray]]:
-    """Return what noise of the forces adds to instruments and, last, to Y, and which columns these are.
+    """Return what noise of the forces adds to instruments and, last, to Y - W X, and which columns these are.
 
     One pair a block, (period, k + 1) in SI and (k + 1,); Y counts as the column behind all.
     """
@@ -169,8 +224,9 @@ def _drawn(
                 if key not in derivatives:
                     derivatives[key] = rows.derivatives(channel, [*by_order])[:period]
                 moved = derivatives[key] @ slopes
-                part = slice(-1, None) if channel in forces else slice(0, -1)
-                lines[:, part] += moved[:, part]
+                lines[:, :-1] += moved[:, :-1]
+                if channel in forces:
+                    lines[:, -1] += moved[:, -1] - moved[:, :-1] @ x[ways.columns]
             places = np.append(position[ways.columns], c)
             kept = np.flatnonzero(places >= 0)
             kept = kept[np.argsort(places[kept])]

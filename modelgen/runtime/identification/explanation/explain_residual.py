@@ -65,14 +65,12 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
         drift, shown = _held(job, now.fit, seen.found)
         told = tuple(left_of(one, shown) for one in shown[:1])
         search = replace(search, drift=drift, advice=told, ended=True)
-        labels = (*summed(hidden), *labels)
+        labels = (*summed(hidden, job.effects), *labels)
         return replace(_concluded(search, seen, labels), shown=_to_estimate(job, seen, shown))
     while not search.ended:
         search = search.step(seen)
         seen = seen if search.ended else search.look()
-    known = {one.name for one in search.effects}
-    every = {one.name: one for one in (*hidden, *seen.hidden) if one.name not in known}
-    return _concluded(search, seen, (*summed(list(every.values())), *labels))
+    return _concluded(search, seen, (*summed((*hidden, *seen.hidden), search.effects), *labels))
 
 
 def _concluded(search: Search, seen: Seen, labels: tuple[str, ...]) -> Explained:

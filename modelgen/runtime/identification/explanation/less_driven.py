@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +13,9 @@ from modelgen.runtime.identification.explanation.drive_noise import DriveBias, d
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, Method
 from modelgen.runtime.identification.thresholds import BIAS_SHARE, LEFT_DRIVEN, LEFT_TURNING, MOST_DRIVEN
-from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.fit import CarriedOver, Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.model.model import Model
 
 
 def driven_by_noise(job: Job, method: Method, fit: Fit) -> DriveBias:
@@ -24,8 +26,9 @@ def driven_by_noise(job: Job, method: Method, fit: Fit) -> DriveBias:
     c = len(fit.columns)
     none = DriveBias(np.zeros(c), np.zeros(len(fit.delays)), np.zeros((c, c)), 0.0)
     plain = isinstance(method, IV) and method.robust is None and method.bounds is None
-    chain = not job.model.is_arm and fit.projected is not None and fit.carried is None
-    if not plain or not chain or job.loop:  # nor where a controller drives the simulation
+    chain = not job.model.is_arm and fit.projected is not None
+    lost = fit.carried is not None and (fit.carried.at is None or bool(fit.carried.unknown))
+    if not plain or not chain or lost or job.loop:  # nor where a controller drives the simulation
         return none
     try:
         bias = drive_bias(job, fit)
@@ -73,7 +76,9 @@ def less_driven(
         return fit, np.outer(bias.shift, bias.shift), (f"{told}); the intervals are widened by that",)
     # between nothing and all of it where it is no more than a bound
     taken = 0.5 if bias.at_most else 1.0
-    shifted = x - taken * bias.shift
+    shifted, carried = x - taken * bias.shift, fit.carried
+    if carried is not None and carried.at is not None and bias.carried is not None:
+        shifted, carried = _carried_less(job.model, fit.columns, carried, carried.at, taken * bias.carried)
     with np.errstate(divide="ignore"):
         size = 100.0 * abs(np.divide(taken * bias.shift[most], shifted[most]))
     solution = replace(fit.solution, x=shifted)
@@ -82,8 +87,26 @@ def less_driven(
         (key, late - taken * by, std) for (key, late, std), by in zip(fit.delays, moved, strict=True)
     )
     # residuals stay: what each instant adds to the estimate's error has a mean of zero in these
-    found = replace(fit, solution=solution, delays=late)
+    found = replace(fit, solution=solution, delays=late, carried=carried)
     # at reversals noise turns friction as well, which moves instruments in another way
     part = max(LEFT_TURNING if fit.turning else LEFT_DRIVEN, 1.0 - taken)
     left = part**2 * np.outer(bias.shift, bias.shift) + bias.spread
     return found, left, (f"{told}, by {size:.2g} %), which is taken off",)
+
+
+def _carried_less(
+    model: Model, columns: Sequence[str], carried: CarriedOver, at: FloatArray, shift: FloatArray
+) -> tuple[FloatArray, CarriedOver]:
+    """Return base columns, in SI, (c,), and the fit of physical parameters that they come from, less a shift.
+
+    It is that of all columns of this fit, (n,): parameters, delays, sizes of effects.
+    """
+    own, p = carried.linear.solution, len(at)
+    moved = np.append(shift[:p], np.zeros(len(own.x) - p))  # steps of delays and sizes are zero at the end
+    linear = replace(carried.linear, solution=replace(own, x=own.x - moved))
+    by = shift[len(shift) - len(carried.sizes) :]
+    sizes = tuple((size - one, std) for (size, std), one in zip(carried.sizes, by.tolist(), strict=True))
+    there = at - shift[:p]
+    base = model.base_from_physical(dict(zip(model.parameters, there.tolist(), strict=True)))
+    x = base[[model.base_parameters.index(name) for name in columns]]
+    return np.asarray(x), replace(carried, linear=linear, sizes=sizes, at=there)

@@ -15,8 +15,9 @@ import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
+from modelgen.runtime.iv.physical.course_of_steps import MORE
 from modelgen.runtime.iv.physical.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
-from modelgen.runtime.iv.physical.physical_iv import MORE, PLAIN, Found, Rows, fit_physical_iv
+from modelgen.runtime.iv.physical.physical_iv import PLAIN, Found, Rows, fit_physical_iv
 from modelgen.runtime.iv.physical.response_start import response_start
 from modelgen.runtime.iv.physical.start_in_rows import start_in_rows
 from modelgen.runtime.iv.physical.starting_values import (

@@ -82,6 +82,11 @@ class GaussNewtonStep:
     notes: tuple[str, ...]
 
     @property
+    def left(self) -> float:
+        """Mean logarithm of what rows leave at p."""
+        return self.rows.misfit / self.rows.count
+
+    @property
     def free(self) -> list[int]:
         """Places of the columns of `white` among those of `linear`."""
         return [self.linear.columns.index(name) for name in self.white.columns]

@@ -21,6 +21,7 @@ from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.iv.divergence import diverged
 from modelgen.runtime.iv.freed_effects import refuse_far
 from modelgen.runtime.iv.instrumental_variables import Setting
+from modelgen.runtime.iv.physical.course_of_steps import MORE, Course, is_solid
 from modelgen.runtime.iv.physical.friction_rows import adds_friction
 from modelgen.runtime.iv.physical.gauss_newton_step import (
     Rules,
@@ -36,9 +37,7 @@ from modelgen.runtime.iv.thresholds import (
     CREEPING_ROUNDS,
     FARTHEST,
     HOPELESS,
-    LARGEST_STEP,
     LATER_MOVE,
-    LINEAR_SHARE,
     MANY_TIMES,
     NEARLY,
     ROUGH_ROUNDS,
@@ -59,12 +58,7 @@ from modelgen.runtime.rows.observation import Observation
 # records -> rows without the samples that a consistent estimate must not use
 Rows = Callable[[tuple[Record, ...]], Observation]
 
-SIGNED = ("offset", "viscous", "coulomb", "damping")
 PLAIN = Rules()
-MORE = (
-    "sense more (modelgen show --sensors all), give one of them as known, excite more, or give the delays of "
-    "forces where they are known (--delay none)"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +139,7 @@ def fit_physical_iv(
         raise diverged(f"the records do not move what {', '.join(plain.absent)} needs", plain, model)
     # where directions of motion follow the estimate, white rows would hide what a wrong one leaves
     near = settled or not adds_friction(plain, setting)
+    course = Course(model, first, rules, sample)
     for done in range(1, CREEPING_ROUNDS + 1):
         if (late or now.sizes) and done > 1:
             observation = rows(now.records(setting))
@@ -152,8 +147,11 @@ def fit_physical_iv(
         try:
             step = step_from(setting, plain, now, rules, near)
         except IdentifiabilityError as error:
-            _refuse_led_away(_led_away(model, now.p, first, rules, MANY_TIMES))
+            course.refuse_led_away(now, MANY_TIMES)
             raise error
+        if (instead := course.instead(step)) is not None:
+            now = instead
+            continue
         x, spread = possible_solution(step, model, now.p), step.spread
         move = np.r_[x[:c] - now.p, x[c:]]
         if not np.all(np.isfinite(move)):
@@ -173,14 +171,14 @@ def fit_physical_iv(
         nearly = bool(np.all((np.abs(move) <= NEARLY * spread) | hopeless))
         # where directions of motion jump, steps may go round for ever
         round_again = near and passed.again(now.vector, spread) and done > STILL_ROUNDS
-        if round_again or (done >= COMPOSITE_ROUNDS and not nearly):
+        if not (course.leads_on(step) or nearly or done < COMPOSITE_ROUNDS) or round_again:
             break
         near = near or nearly or done >= ROUGH_ROUNDS
-        if near and _linear(model, now, move, spread, rules):
+        if near and course.is_linear(now, move, spread):
             move = steps.combined(now.vector, move, spread)
-        now = _moved(model, now, move, sample, rules)
+        now = course.on(now, move)
         refuse_far(zip(setting.effects, now.sizes, strict=True), 1.0 / sample, plain, model)
-        _refuse_led_away(_led_away(model, now.p, first, rules, FARTHEST))
+        course.refuse_led_away(now, FARTHEST)
     raise _restless(model, x[:c], spread[:c], done)
 
 
@@ -198,7 +196,7 @@ def _lost(setting: Setting, now: Unknowns, spread: FloatArray) -> tuple[str, ...
     """
     model, radian = setting.model, 1.0 / (2.0 * pi * setting.choice.cutoff_hz)
     limits = [
-        abs(value) if _is_solid(model, name) else np.inf
+        abs(value) if is_solid(model, name) else np.inf
         for name, value in zip(model.parameters, now.p.tolist(), strict=True)
     ]
     names = (*model.parameters, *now.delays)
@@ -228,52 +226,3 @@ def _allowed(model: Model, start: Mapping[str, float], rules: Rules) -> FloatArr
     held = [name in rules.at_zero for name in model.parameters]
     negative = [rules.bounded and name in bounded_names(model) for name in model.parameters] & (first < 0.0)
     return np.where(held | negative, 0.0, first)
-
-
-def _keeps_sign(model: Model, name: str, rules: Rules) -> bool:
-    """Tell whether a parameter keeps its sign because no step goes far: a bound lets damping go to zero."""
-    if name not in model.roles or name in rules.at_zero:
-        return False
-    role = model.roles[name].role
-    return role not in SIGNED and not (rules.bounded and role == "damping")
-
-
-def _linear(model: Model, now: Unknowns, move: FloatArray, spread: FloatArray, rules: Rules) -> bool:
-    """Tell whether the rows are nearly linear as far as a step and what noise may do to it reach."""
-    bound = np.array([_keeps_sign(model, name, rules) for name in model.parameters])
-    reach, size = (np.abs(move) + spread)[: len(bound)], np.abs(now.p)
-    return bool(np.all(reach[bound] <= LINEAR_SHARE * size[bound]))
-
-
-def _moved(model: Model, now: Unknowns, move: FloatArray, sample: float, rules: Rules) -> Unknowns:
-    """Return the unknowns after a step, shortened where it would leave the range of the linear rows."""
-    c = len(now.p)
-    bound = np.array([_keeps_sign(model, name, rules) for name in model.parameters])
-    share = np.abs(move[:c][bound]) / np.maximum(np.abs(now.p[bound]), np.finfo(float).tiny)
-    length = min(1.0, LARGEST_STEP / max(float(share.max(initial=0.0)), LARGEST_STEP))
-    late, apart = np.split(length * move[c:], [len(now.delays)])
-    steps = np.clip(late, -sample, sample).tolist()
-    delays = {channel: delay + step for (channel, delay), step in zip(now.delays.items(), steps, strict=True)}
-    return Unknowns(now.p + length * move[:c], delays, tuple((apart + now.sizes).tolist()))
-
-
-def _is_solid(model: Model, name: str) -> bool:
-    """Tell whether a parameter is an inertia or a stiffness: friction and damping may be next to nothing."""
-    return name in model.roles and model.roles[name].role in ("inertia", "stiffness")
-
-
-def _led_away(model: Model, p: FloatArray, first: FloatArray, rules: Rules, factor: float) -> list[str]:
-    """Return the parameters of a chain that steps have made so many times smaller or larger."""
-    found = []
-    for name, value, start in zip(model.parameters, p.tolist(), first.tolist(), strict=True):
-        most = min(factor, rules.farthest) if _is_solid(model, name) else factor
-        away = start and not abs(start) / most <= abs(value) <= abs(start) * most
-        if away and _keeps_sign(model, name, rules):
-            found.append(name)
-    return found
-
-
-def _refuse_led_away(names: list[str]) -> None:
-    if names:
-        what = f"the records do not hold {', '.join(names)}: steps lead to where there is no such chain"
-        raise IdentifiabilityError.at("method iv", what, MORE)

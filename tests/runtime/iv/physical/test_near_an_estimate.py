@@ -65,7 +65,9 @@ def test_steps_from_an_estimate_do_not_leave_it_by_a_factor_of_ten(monkeypatch: 
 
     def growing(_: Setting, __: object, now: Unknowns, *more: object) -> SimpleNamespace:
         most.append(float(now.p[inertia]) / truth["J_c"])
-        return SimpleNamespace(x=np.r_[4.0 * now.p, np.zeros(len(now.delays))], spread=1e-3 * now.vector)
+        return SimpleNamespace(
+            x=np.r_[4.0 * now.p, np.zeros(len(now.delays))], spread=1e-3 * now.vector, left=0.0
+        )
 
     monkeypatch.setattr(physical_iv, "step_from", growing)
     with pytest.raises(IdentifiabilityError, match="steps lead to where there is no such chain"):
@@ -102,7 +104,7 @@ def test_steps_that_creep_go_on_and_others_end(
 
     def step(_: Setting, __: object, now: Unknowns, *more: object) -> SimpleNamespace:
         spread = 1e-6 * np.abs(now.p)
-        return SimpleNamespace(x=now.p + next(waiting) * spread, spread=spread)
+        return SimpleNamespace(x=now.p + next(waiting) * spread, spread=spread, left=0.0)
 
     def counted(_: object, __: object, done: int) -> SimpleNamespace:
         told.append(done)
@@ -124,7 +126,7 @@ def test_steps_that_go_round_end_once_they_did(monkeypatch: pytest.MonkeyPatch) 
     size = 1e-6 * np.abs([truth[name] for name in setting.model.parameters])
 
     def step(_: Setting, __: object, now: Unknowns, *more: object) -> SimpleNamespace:
-        return SimpleNamespace(x=now.p + next(waiting) * size, spread=size)
+        return SimpleNamespace(x=now.p + next(waiting) * size, spread=size, left=0.0)
 
     monkeypatch.setattr(physical_iv, "step_from", step)
     monkeypatch.setattr(physical_iv.AndersonSteps, "combined", lambda _, at, move, scale: move)
@@ -140,7 +142,7 @@ def test_an_effect_that_no_record_can_have_ends_the_steps(monkeypatch: pytest.Mo
 
     def step(_: Setting, __: object, now: Unknowns, *more: object) -> SimpleNamespace:
         # a thousand seconds late: its record would have to be continued by millions of samples
-        return SimpleNamespace(x=np.r_[now.p, 1e3], spread=np.ones(len(now.p) + 1))
+        return SimpleNamespace(x=np.r_[now.p, 1e3], spread=np.ones(len(now.p) + 1), left=0.0)
 
     monkeypatch.setattr(physical_iv, "step_from", step)
     with pytest.raises(IdentifiabilityError, match=f"{late.name} runs away"):

@@ -5,12 +5,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 
 from generated import emps300_qm_qc
-from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.iv.physical.gauss_newton_step import Unknowns
-from modelgen.runtime.iv.physical.physical_iv import PLAIN, _led_away, _lost, _refuse_led_away, _restless
+from modelgen.runtime.iv.physical.physical_iv import _lost, _restless
 from modelgen.runtime.model.model import model_from_module
 
 MODEL = model_from_module(emps300_qm_qc)
@@ -43,13 +41,3 @@ def test_a_body_that_vanishes_beside_a_delay_is_lost_with_its_link() -> None:
     gone = ("J_c", "F_vmc", "K")
     assert _lost(setting, Unknowns(values, {"Gamma_m": 2e-5}), spread) == gone  # type: ignore[arg-type]
     assert _lost(setting, Unknowns(values, {}), spread[:-1]) == ()  # type: ignore[arg-type]
-
-
-def test_steps_that_lead_away_from_a_chain_name_what_the_records_do_not_hold() -> None:
-    away = np.where(np.isin(MODEL.parameters, ("J_c",)), 1e-2, 1.0) * VALUES
-    away *= np.where(np.isin(MODEL.parameters, ("K",)), 20.0, 2.0)
-    names = _led_away(MODEL, away, VALUES, PLAIN, 10.0)
-    assert names == [name for name in MODEL.parameters if name in ("J_c", "K")]
-    with pytest.raises(IdentifiabilityError, match=f"do not hold {', '.join(names)}: steps lead"):
-        _refuse_led_away(names)
-    _refuse_led_away(_led_away(MODEL, 2.0 * VALUES, VALUES, PLAIN, 10.0))
