@@ -17,47 +17,19 @@ from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.simulate import simulate
 from modelgen.spec.load import parse_spec
+from tests.runtime.iv.shapes.chains import FURTHER, TWO
 
-SPEC = """
-[chain]
-name = "three"
-motion = "rotation"
-
-[[bodies]]
-name = "m"
-inertia = "J_m"
-viscous = "F_vm"
-coulomb = "F_sm"
-actuator = "T"
-
-[[bodies]]
-name = "c"
-inertia = "J_c"
-
-[[bodies]]
-name = "l"
-inertia = "J_l"
-
-[[links]]
-bodies = ["m", "c"]
-stiffness = "K"
-damping = "D"
-
-[[links]]
-bodies = ["c", "l"]
-stiffness = "K_l"
-damping = "D_l"
-
+BOTH_ENDS = """
 [sensors.s]
 q_m = { body = "m", measures = "position" }
-q_l = { body = "l", measures = "position" }
+q_x = { body = "x", measures = "position" }
 """
-MODEL = spec_model(parse_spec(SPEC, "three.toml"), "s")
+MODEL = spec_model(parse_spec(TWO + FURTHER + BOTH_ENDS, "three.toml"), "s")
 TRUTH = {
     "J_m": 1e-3, "F_vm": 0.0167, "F_sm": 0.44, "J_c": 2e-3, "K": 400.0, "D": 0.08,
-    "J_l": 1.2e-3, "K_l": 17.0, "D_l": 0.013,
+    "J_x": 1.2e-3, "K_x": 17.0, "D_x": 0.013,
 }  # fmt: skip
-NOISE = {"q_m": 1e-6, "q_l": 1e-6}
+NOISE = {"q_m": 1e-6, "q_x": 1e-6}
 FORCE_NOISE = 0.2
 
 
