@@ -67,8 +67,7 @@ class Freed:
     @property
     def late_forces(self) -> dict[str, float]:
         """By how many s forces are recorded late, where that was estimated with the fit and is known."""
-        lost = self.fit.carried.unknown if self.fit.carried else ()
-        return {channel: late for channel, late, _ in self.fit.delays if channel not in lost}
+        return {channel: late for channel, late, _ in self.fit.delays if channel not in self.fit.unknown}
 
     @property
     def certainty(self) -> float:

@@ -155,6 +155,11 @@ class Fit:
         """Weighted Y of all blocks, shape (r,)."""
         return np.concatenate([w * b.Y for w, b in zip(self.weights, self.blocks, strict=True)])
 
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Parameters, and forces whose delay, that the fit this was carried over from does not know."""
+        return () if self.carried is None else self.carried.unknown
+
     def physical(self, names: Sequence[str]) -> dict[str, float] | None:
         """Return the physical parameters of the fit that this was carried over from, None without one.
 

@@ -44,7 +44,7 @@ def like_delays(model: Model, fit: Fit) -> dict[str, str]:
     Friction of such a body without a sensor has none either: the direction of the dry one is that of a
     simulation, and the viscous one takes what that has wrong.
     """
-    unknown = [name for name in fit.carried.unknown if name in model.parameters] if fit.carried else []
+    unknown = [name for name in fit.unknown if name in model.parameters]
     if not unknown:
         return {}
     seen = {sensor.body for sensor in model.sensors}

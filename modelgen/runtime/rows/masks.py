@@ -127,7 +127,7 @@ def row_masks(
             far = max(reach(k) for k in range(max(1, info.order - 2))) + late
             found.append(RowMask(tuple(info.reversals), far, "reversals", 1))
         else:
-            keys = tuple(info.reversals) or direction_keys(model, row)
+            keys = own_speeds(model, row)
             otherwise = None if model.is_arm else 0.0
             least = tuple(slow.get(key, otherwise) for key in keys) if slow or model.is_arm else ()
             far = 0 if row in rests_open else reach(0) + late
@@ -206,6 +206,11 @@ def calm_masks(
 def direction_keys(model: Model, row: int) -> tuple[str, ...]:
     """Return the signals whose sign enters a row."""
     return _all_direction_keys(model)[row]
+
+
+def own_speeds(model: Model, row: int) -> tuple[str, ...]:
+    """Return the signals whose signs a row holds, or had before it was differentiated."""
+    return tuple(model.rows[row].reversals) or direction_keys(model, row)
 
 
 @lru_cache(maxsize=8)

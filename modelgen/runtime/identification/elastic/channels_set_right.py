@@ -116,8 +116,10 @@ def _holding(
     for held in candidates:
         # the average that a hold is looks like inertia
         changed = task.changed(partial(with_holds, channels=held))
-        other = _with_holds(changed, again, every, found or begun)
-        if other is None and found is not None:
+        other = None
+        if found is not None:
+            other = _with_holds(changed, again, every, (found.task, found.known), found.commands)
+        if other is None:
             # what was found may have stood for half a sample of another force
             other = _with_holds(changed, again, every, begun)
         # every delay that is free gains a little by noise
@@ -202,15 +204,18 @@ def _with_zeros(task: Task, again: Again, zeros: Sequence[Effect]) -> Begun:
 
 
 def _with_holds(
-    task: Task, again: Again, candidates: tuple[Effect, ...], near: _Aligned | Begun
+    task: Task,
+    again: Again,
+    candidates: tuple[Effect, ...],
+    near: Begun,
+    commands: Collection[Effect] = (),
 ) -> _Aligned | None:
     """Return where steps rest of the same task with forces held, whose delays are looked for anew.
 
-    Of what was found without only delays by half a sample are dropped, unless there are none: then whatever
-    is found stood for the holds.
+    Of what was found without, which is `near`, only delays by half a sample, `commands`, are dropped; unless
+    there are none: then whatever is found stood for the holds.
     """
-    at, every = (near.task, near.known) if isinstance(near, _Aligned) else near
-    commands = near.commands if isinstance(near, _Aligned) else ()
+    at, every = near
     known = {
         one: size
         for one, size in every.items()

@@ -148,8 +148,8 @@ def joint_effects(rows: EffectRows, known: Sequence[Effect], rests: bool) -> Joi
     chosen, model = [*known], rows.job.model
     forces = {actuator.key for actuator in model.actuators}
     begun = not all(isinstance(one, EncoderZero) for one in known)
+    fit = rows.solved(chosen)
     while True:
-        fit = rows.solved(chosen)
         # a record of which rows use nothing has no zero
         chosen = [one for one in chosen if one.name in fit.columns]
         least = 0.0 if rests and (begun or len(chosen) <= len(known)) else LARGE_PART
@@ -162,13 +162,15 @@ def joint_effects(rows: EffectRows, known: Sequence[Effect], rests: bool) -> Joi
         if not told:
             return JointEffects(fit, tuple(chosen), rows)
         first = _first(told, forces)
-        if rows.solved([*chosen, first]).misfit > fit.misfit:
+        tried = rows.solved([*chosen, first])
+        if tried.misfit > fit.misfit:
             rows = rows.without(first)
             continue
-        chosen.append(first)
+        chosen, fit = [*chosen, first], tried
         if told[0].explained > LARGE_PART:
             # what it hid from least squares, as a spring, is in its column
-            rows = rows.about(rows.solved(chosen))
+            rows = rows.about(fit)
+            fit = rows.solved(chosen)
 
 
 def _first(told: Sequence[Score], forces: Container[str]) -> Effect:

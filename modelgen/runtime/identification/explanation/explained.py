@@ -96,7 +96,7 @@ def run_method(task: Task, method: Method) -> Begun:
 def begun_at(task: Task, known: Begun) -> Task:
     """Return a task that begins where an estimate in physical parameters ended, if it is in these."""
     fit = known.found.fit
-    if fit.carried is None or unknown_names(known):
+    if fit.carried is None or fit.unknown:
         return task
     delays, begin = delays_of(known), fit.physical(task.model.parameters)
     return replace(task, job=replace(task.job, begin=begin, known_delays=delays))
@@ -141,14 +141,8 @@ def late_forces(begun: Begun) -> dict[str, float]:
     """Return by how many s forces are late whose delay was to be found, and was; nothing if fs differ."""
     if len({record.fs for record in begun.task.records}) > 1:
         return {}
-    delays, unknown = delays_of(begun), unknown_names(begun)
+    delays, unknown = delays_of(begun), begun.found.fit.unknown
     return {key: delays[key] for key in begun.task.job.late if key in delays and key not in unknown}
-
-
-def unknown_names(begun: Begun) -> tuple[str, ...]:
-    """Return the parameters and the forces whose delay an estimate in physical parameters does not know."""
-    carried = begun.found.fit.carried
-    return carried.unknown if carried is not None else ()
 
 
 def delays_of(begun: Begun) -> dict[str, float]:

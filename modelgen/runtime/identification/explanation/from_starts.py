@@ -184,8 +184,8 @@ def with_shown_effects(begun: Begun, holds_known: bool = False) -> Begun:
         found = with_carried_effects(begun.task.job, begun.found)
         known = {effect.name for effect in found.effects}
         # a lag of a force loses the chain where its delay cannot stand in for it: then there is no hold
-        lost = found.fit.carried is not None and bool(found.fit.carried.unknown)
-        shown = [one for one in found.shown if holds_known or lost or not one.like_a_hold]
+        any_hold = holds_known or bool(found.fit.unknown)
+        shown = [one for one in found.shown if any_hold or not one.like_a_hold]
         tried = [(one, _with(begun, found, one)) for one in shown if one.effect.name not in known]
         better = [(gained(begun, again), one, again) for one, again in tried if again is not None]
         better.sort(key=lambda entry: -entry[0])
@@ -213,7 +213,7 @@ def with_exchanged_bodies(begun: Begun) -> Begun:
         fit, carried = begun.found.fit, begun.found.fit.carried
         known = carried.others if carried else ()
         values = fit.physical(model.parameters)
-        if carried is None or carried.unknown or values is None:
+        if carried is None or fit.unknown or values is None:
             return begun
         task = begun_at(begun.task, begun)
         begin = {name: values[names.get(name, name)] for name in values}

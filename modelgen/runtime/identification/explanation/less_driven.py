@@ -27,7 +27,7 @@ def driven_by_noise(job: Job, method: Method, fit: Fit) -> DriveBias:
     none = DriveBias(np.zeros(c), np.zeros(len(fit.delays)), np.zeros((c, c)), 0.0)
     plain = isinstance(method, IV) and method.robust is None and method.bounds is None
     chain = not job.model.is_arm and fit.projected is not None
-    lost = fit.carried is not None and (fit.carried.at is None or bool(fit.carried.unknown))
+    lost = bool(fit.unknown) or (fit.carried is not None and fit.carried.at is None)
     if not plain or not chain or lost or job.loop:  # nor where a controller drives the simulation
         return none
     try:

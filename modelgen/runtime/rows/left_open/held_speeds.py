@@ -5,7 +5,7 @@ from __future__ import annotations
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel, GivingRow
 from modelgen.runtime.model.deflected_rows import held_positions
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.rows.masks import direction_keys
+from modelgen.runtime.rows.masks import own_speeds
 
 
 def speeds_of_sensors(model: Model, row: int) -> tuple[str, ...]:
@@ -17,11 +17,6 @@ def speeds_of_sensors(model: Model, row: int) -> tuple[str, ...]:
     ways = {feature.key: feature.of for feature in model.features if isinstance(feature.of, str)}
     terms = (terms for one in moving_positions(model, row) for terms in (one.left, *one.columns.values()))
     return tuple(dict.fromkeys((*own, *(ways[key] for part in terms for _, key in part if key in ways))))
-
-
-def own_speeds(model: Model, row: int) -> tuple[str, ...]:
-    """Return the signals whose signs a row holds, or had before it was differentiated."""
-    return tuple(dict.fromkeys((*direction_keys(model, row), *model.rows[row].reversals)))
 
 
 def moved_by_friction(model: Model, row: int) -> bool:

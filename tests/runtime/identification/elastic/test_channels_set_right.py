@@ -28,6 +28,7 @@ from modelgen.runtime.least_squares.time_shifts import shift
 from modelgen.runtime.model.model import Model, model_from_text
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
+from modelgen.spec.arms.arm import ArmSpec
 from modelgen.symbolic.arms.arm_rows import arm_rows
 from modelgen.symbolic.arms.base_parameters import arm_base_model
 from tests.symbolic.arms.elastic_arms import exact_record, geared, readings, two_link, values_of, with_sensors
@@ -44,8 +45,13 @@ def exact(
 ) -> tuple[Model, dict[str, np.ndarray], dict[str, float]]:
     """Return a model with encoders on these sides, exact channels, and the true base parameters."""
     spec = with_sensors(two_link(), *(one for side in sides for one in both(side)))
-    spec = geared(spec) if gears else spec
-    rng = np.random.default_rng(3)
+    return exact_channels(geared(spec) if gears else spec, np.random.default_rng(3))
+
+
+def exact_channels(
+    spec: ArmSpec, rng: np.random.Generator
+) -> tuple[Model, dict[str, np.ndarray], dict[str, float]]:
+    """Return the model of an arm, exact channels, and the true base parameters."""
     model = model_from_text(arm_module(arm_base_model(arm_rows(spec, sensor_set="s"))), "elastic")
     values = values_of(spec, rng)
     motion, forces = exact_record(spec, values, np.arange(0.0, 8.0, 1.0 / FS), rng, tempo=2.0)

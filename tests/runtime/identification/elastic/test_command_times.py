@@ -7,7 +7,6 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from modelgen.render.arms.arm_writer import arm_module
 from modelgen.runtime.identification.elastic.channel_errors import SetRight
 from modelgen.runtime.identification.elastic.command_times import CommandTimes, times_of_commands
 from modelgen.runtime.identification.methods import Auto
@@ -15,12 +14,17 @@ from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.identification.task import prepared
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.time_shifts import shift
-from modelgen.runtime.model.model import Model, model_from_text
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-from modelgen.symbolic.arms.arm_rows import arm_rows
-from modelgen.symbolic.arms.base_parameters import arm_base_model
-from tests.runtime.identification.elastic.test_channels_set_right import FS, errors, estimated, made, told
-from tests.symbolic.arms.elastic_arms import exact_record, readings, two_link, values_of, with_sensors
+from tests.runtime.identification.elastic.test_channels_set_right import (
+    FS,
+    errors,
+    estimated,
+    exact_channels,
+    made,
+    told,
+)
+from tests.symbolic.arms.elastic_arms import two_link, with_sensors
 
 DRIVES = ("tau_1", "tau_2")
 
@@ -31,17 +35,13 @@ def tachometers() -> tuple[Model, dict[str, np.ndarray], dict[str, float]]:
     sides = (("motor", "velocity"), ("link", "velocity"))
     spec = with_sensors(two_link(), *((joint, *side) for joint in ("1", "2") for side in sides))
     rng = np.random.default_rng(3)
-    model = model_from_text(arm_module(arm_base_model(arm_rows(spec, sensor_set="s"))), "tachometers")
-    values = values_of(spec, rng)
-    motion, forces = exact_record(spec, values, np.arange(0.0, 8.0, 1.0 / FS), rng, tempo=2.0)
-    signals = readings(spec, motion, forces, "s")
-    base = model.base_from_physical({name: values[name] for name in model.parameters})
+    model, signals, truth = exact_channels(spec, rng)
     noise = {"rad/s": 1e-3, "N m": 0.05}
     read = {
         key: signals[key] + noise[model.channel_units[key]] * rng.standard_normal(len(signals[key]))
         for key in model.channels
     }
-    return model, read, dict(zip(model.base_parameters, base.tolist(), strict=True))
+    return model, read, truth
 
 
 def told_of(model: Model, read: dict[str, np.ndarray], samples: float) -> CommandTimes | None:

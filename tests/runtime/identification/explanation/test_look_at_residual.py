@@ -38,7 +38,9 @@ STIFFENS, GAP, LATE = (EFFECTS[name] for name in ("stiffening of K", "backlash o
 def fitted(misfit: float, *x: float) -> Freed:
     """A fit that leaves so much and ends at some X, with one effect estimated."""
     at = SimpleNamespace(x=np.array(x))
-    fit = SimpleNamespace(misfit=misfit, blocks=(), delays=(), solution=at, simulated=None, carried=None)
+    fit = SimpleNamespace(
+        misfit=misfit, blocks=(), delays=(), solution=at, simulated=None, carried=None, unknown=()
+    )
     return Freed(cast(Any, None), cast(Any, fit), cast(Any, None), (1e-4,), (1e-6,))
 
 

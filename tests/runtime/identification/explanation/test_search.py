@@ -63,7 +63,7 @@ def job() -> Job:
 
 def solved(monkeypatch: pytest.MonkeyPatch, certain: dict[str, float], late_s: float = 0.0) -> None:
     """Let every fit find sizes that are so many of their standard deviations, and forces late by so much."""
-    left = SimpleNamespace(delays=(("Gamma_m", late_s, 1e-6),), carried=None)
+    left = SimpleNamespace(delays=(("Gamma_m", late_s, 1e-6),), unknown=())
 
     def fit(setting: Any, rows: Any, start: Any, effects: tuple[Effect, ...], *rest: Any) -> Solved:
         stds = tuple(1e-6 for _ in effects)
@@ -76,7 +76,9 @@ def solved(monkeypatch: pytest.MonkeyPatch, certain: dict[str, float], late_s: f
 def leaving(misfit: float, x: float = 0.0) -> SimpleNamespace:
     """Return a fit that leaves so much; which samples it uses makes no difference."""
     at = SimpleNamespace(x=np.full(6, x))
-    return SimpleNamespace(misfit=misfit, blocks=(), delays=(), solution=at, simulated=None, carried=None)
+    return SimpleNamespace(
+        misfit=misfit, blocks=(), delays=(), solution=at, simulated=None, carried=None, unknown=()
+    )
 
 
 def by_misfit(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,18 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modelgen import CheckOptions, JointController, Record, identify, simulate_arm
+from modelgen import CheckOptions, Record, identify
 from modelgen.array_types import FloatArray
-from modelgen.cli.arms.simulate_arm import mounted
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open, without_uncertain_turns
 from modelgen.runtime.rows.observation import observe
 from modelgen.runtime.rows.row_block import RowBlock
-from modelgen.runtime.simulation.arms.arm_plant import arm_plant, checked_base
-from modelgen.runtime.simulation.arms.joint_motion import JointMotion
-from modelgen.runtime.simulation.arms.joint_reference import JointReference
-from modelgen.runtime.simulation.arms.mounted_sensors import sensor_channels
-from tests.runtime.rows.left_open.test_long_rests import FS, LINK, MOTOR, STICKING, model_of, sensed
+from tests.runtime.rows.left_open.test_long_rests import FS, STICKING, model_of, read_by
 
 MOTOR_SPEED, LINK_SPEED = ("motor", "velocity"), ("link", "velocity")
 # of a motor, in kg m^2 and N m, and frequencies of its motion in Hz: it turns eight times a second
@@ -64,29 +59,15 @@ def test_what_friction_jumps_by_is_in_no_row() -> None:
 
 @pytest.mark.slow
 def test_speeds_of_both_sides_tell_motors_and_springs() -> None:
-    full, model = model_of(MOTOR, LINK), model_of(MOTOR_SPEED, LINK_SPEED)
     t, (speed, _) = np.arange(8.0 * FS) / FS, turning(8.0)
     start = np.clip(t / 0.7, 0.0, 1.0)
     position = 0.3 * start**3 * (10.0 - 15.0 * start + 6.0 * start**2) * np.cumsum(speed, axis=1) / FS
     motion = np.array([position, np.gradient(position, 1.0 / FS, axis=1), np.zeros_like(position)])
     motion[2] = np.gradient(motion[1], 1.0 / FS, axis=1)
-    reference = JointReference(JointMotion(*motion, FS))
-    moved = simulate_arm(full, STICKING, reference, fs=FS, controller=JointController(bandwidth_hz=6.0))
-    plant = arm_plant(full, checked_base(full, STICKING))
-    signals = sensor_channels(plant, mounted(sensed(MOTOR_SPEED, LINK_SPEED), "s"), moved.motion)
-    signals |= {key: moved.true[key] for key in plant.forces}
-    rng, noise = np.random.default_rng(6), {"rad/s": 1e-3, "N m": 0.05}
-    read = {
-        key: signals[key] + noise[model.channel_units[key]] * rng.standard_normal(len(signals[key]))
-        for key in model.channels
-    }
-    found, names = (
-        identify(model, Record(read, FS, "turning"), checks=CheckOptions(tests=False)),
-        model.base_parameters,
-    )
+    model, record = read_by((MOTOR_SPEED, LINK_SPEED), motion, {"rad/s": 1e-3, "N m": 0.05})
+    found, names = identify(model, record, checks=CheckOptions(tests=False)), model.base_parameters
     truth = model.base_from_physical({name: STICKING[name] for name in model.parameters})
     assert set(found.params) == set(names)
     off = {n: (found.params[n] - x) / found.bse[n] for n, x in zip(names, truth, strict=True)}
-    print(off, {n: found.bse[n] / found.params[n] for n in names})
     assert max(abs(one) for one in off.values()) < 4.0, off
     assert all(found.bse[f"K_{joint}"] < 0.02 * found.params[f"K_{joint}"] for joint in (1, 2))

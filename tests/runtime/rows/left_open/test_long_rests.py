@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -97,22 +98,32 @@ def test_what_holds_a_motor_in_a_rest_is_in_no_row() -> None:
     assert float(np.std(held.Y - plain.Y)) < 0.01 * float(np.std(plain.Y))
 
 
-@pytest.mark.slow
-def test_moves_with_rests_tell_all_that_sensors_see() -> None:
-    """Motors and torques of joints: not every number had been found."""
-    full, model = model_of(MOTOR, LINK), model_of(MOTOR, TORQUE)
-    position, speed, acceleration = moves(8.0)
-    reference = JointReference(JointMotion(position, speed, acceleration, FS))
+def read_by(
+    kinds: Sequence[tuple[str, str]], motion: FloatArray, noise: Mapping[str, float]
+) -> tuple[Model, Record]:
+    """Return a model and what its sensors read, of noise by unit, where controllers follow a motion.
+
+    That is position, speed and acceleration of both motors, shape (3, 2, N), in SI.
+    """
+    full, model = model_of(MOTOR, LINK), model_of(*kinds)
+    reference = JointReference(JointMotion(*motion, FS))
     moved = simulate_arm(full, STICKING, reference, fs=FS, controller=JointController(bandwidth_hz=6.0))
     plant = arm_plant(full, checked_base(full, STICKING))
-    signals = sensor_channels(plant, mounted(sensed(MOTOR, TORQUE), "s"), moved.motion)
+    signals = sensor_channels(plant, mounted(sensed(*kinds), "s"), moved.motion)
     signals |= {key: moved.true[key] for key in plant.forces}
-    rng, noise = np.random.default_rng(6), {"rad": 5e-6, "N m": 0.05}
+    rng = np.random.default_rng(6)
     read = {
         key: signals[key] + noise[model.channel_units[key]] * rng.standard_normal(len(signals[key]))
         for key in model.channels
     }
-    found, names = identify(model, Record(read, FS, "moves")), model.base_parameters
+    return model, Record(read, FS, "moves")
+
+
+@pytest.mark.slow
+def test_moves_with_rests_tell_all_that_sensors_see() -> None:
+    """Motors and torques of joints: not every number had been found."""
+    model, record = read_by((MOTOR, TORQUE), moves(8.0), {"rad": 5e-6, "N m": 0.05})
+    found, names = identify(model, record), model.base_parameters
     truth = model.base_from_physical({name: STICKING[name] for name in model.parameters})
     assert set(found.params) == set(names)
     off = {n: (found.params[n] - x) / found.bse[n] for n, x in zip(names, truth, strict=True)}

@@ -27,7 +27,6 @@ from modelgen.runtime.identification.explanation.explained import (
     delays_of,
     exceeding,
     late_forces,
-    unknown_names,
     with_note,
 )
 from modelgen.runtime.identification.explanation.from_starts import with_shown_effects
@@ -142,7 +141,7 @@ def _alternatives(task: Task, first: Begun, run: Callable[[Task], Begun]) -> Ite
         yield Held(*held_estimate(_holding(task, tuple(held)), first, held, run))
     beside, fs = late_forces(first), first.task.records[0].fs
     # what does not tell a delay, of any size, tells no part of a sample: six estimates would be made in vain
-    known = [key for key in stepping_commands(task) if key not in unknown_names(first)]
+    known = [key for key in stepping_commands(task) if key not in first.found.fit.unknown]
     stepping = {key: beside[key] + 0.5 / fs if key in beside else 0.0 for key in known}
     if stepping:
         yield Held(*held_estimate(task, first, stepping, run, stepped=True), stepped=True)

@@ -256,7 +256,7 @@ def test_a_force_whose_delay_is_not_known_is_not_looked_at_for_a_hold(unknown: t
         records=records,
         checks=SimpleNamespace(drift_check=True),
     )
-    fit = SimpleNamespace(delays=(("Gamma_m", -0.5 / FS, 0.0),), carried=SimpleNamespace(unknown=unknown))
+    fit = SimpleNamespace(delays=(("Gamma_m", -0.5 / FS, 0.0),), unknown=unknown)
     first: Any = SimpleNamespace(task=task, found=SimpleNamespace(fit=fit, effects=(), sizes=()))
     assert stepping_commands(first.task) == ["Gamma_m"]
     assert (held_commands(first) == {}) == ("Gamma_m" in unknown)
