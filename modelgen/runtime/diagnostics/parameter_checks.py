@@ -18,6 +18,7 @@ from modelgen.runtime.diagnostics.thresholds import (
     NULL_SHARE,
     SIGNIFICANT_MOVE,
 )
+from modelgen.runtime.diagnostics.unforced_rows import taken_over
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import SignalToNoise
 from modelgen.runtime.least_squares.fit import Fit
@@ -120,19 +121,21 @@ def _null_rows(
 def null_columns(fit: Fit, model: Model, records: Sequence[Record], choice: FilterChoice) -> dict[str, str]:
     """Return the columns of a chain's rows that a fit leaves without meaning, with the reason.
 
-    Such a row does not hold for what was recorded, and no interval holds what that moves. Rows without a body
-    are not judged: differentiated further, they leave most of a wide band and count elsewhere.
+    Such a row does not hold for what was recorded, and no interval holds what that moves: in rows that share
+    a column with it neither. Rows without a body are not judged: differentiated further, they leave most of a
+    wide band and count elsewhere.
     """
     if model.is_arm or model.composites:
         return {}
-    found: dict[str, str] = {}
+    found, shared = dict[str, str](), dict[str, str]()
     for index, left in _null_rows(fit, model, records, choice):
         block = fit.blocks[index]
         what = f"row {block.row_name} leaves {100.0 * left:.0f} % of its terms in {block.record_name}"
+        why = f"{what}: a channel is not what the model means (sign, unit, faults)"
         for column in model.regressor_columns[block.row]:
-            name = model.base_parameters[column]
-            found.setdefault(name, f"{what}: a channel is not what the model means (sign, unit, faults)")
-    return found
+            found.setdefault(model.base_parameters[column], why)
+        shared = taken_over(model, block.row, why) | shared
+    return {name: why for name, why in shared.items() if name in fit.columns} | found
 
 
 def _drowned(fit: Fit, index: int, model: Model, record: Record, choice: FilterChoice) -> bool:

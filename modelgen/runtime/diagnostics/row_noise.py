@@ -11,7 +11,7 @@ from math import sqrt
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
+from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.diagnostics.noise_ways import noise_ways
 from modelgen.runtime.diagnostics.thresholds import (
     FRICTION_OVER_REST,
@@ -166,26 +166,37 @@ def hardly_weighed(fit: Fit, index: int) -> bool:
     that balance it best are those of the smallest singular value; of what is proportional to them the joint
     95 % interval must hold some, and not because it holds zero, which balances every row.
     """
-    block, width = fit.blocks[index], len(fit.columns)
-    if block.has_force:
+    block = fit.blocks[index]
+    balanced = None if block.has_force else best_ratios(block, len(fit.columns))
+    if balanced is None:
         return False
+    at, along, share = balanced
+    if share >= NULL_SHARE:
+        return False
+    covariance = hac_covariance(fit)[np.ix_(at, at)]
+    deviation = np.sqrt(np.maximum(np.diag(covariance), float(np.finfo(float).tiny)))
+    inverse = np.linalg.pinv(covariance / np.outer(deviation, deviation), hermitian=True)
+    found, along = fit.solution.x[at] / deviation, along / deviation
+    zero, explained = float(found @ inverse @ found), float(along @ inverse @ found) ** 2
+    explained /= float(along @ inverse @ along)
+    near = chi_square_tail(zero - explained, len(at) - 1) >= WITHIN_INTERVAL
+    return near and chi_square_tail(explained, 1) < WITHIN_INTERVAL
+
+
+def best_ratios(block: RowBlock, width: int) -> tuple[IntArray, FloatArray, float] | None:
+    """Return which of all columns a row holds, the ratios that balance it best, in SI, and what these leave.
+
+    The first two of shape (n,). They are those of the smallest singular value, of columns of length one; what
+    is left is a share of the largest term. None where the row holds a single column.
+    """
     at = np.arange(width) if block.touched is None else block.touched
     entries = block.triangle[:, 1:-1]
     length = np.linalg.norm(entries, axis=0)
     at, entries, length = at[length > 0.0], entries[:, length > 0.0], length[length > 0.0]
     if len(at) < 2:
-        return False
+        return None
     least, ratios = (one[-1] for one in np.linalg.svd(entries / length)[1:])
-    if least >= NULL_SHARE * np.max(np.abs(ratios)):
-        return False
-    covariance = hac_covariance(fit)[np.ix_(at, at)]
-    deviation = np.sqrt(np.maximum(np.diag(covariance), float(np.finfo(float).tiny)))
-    inverse = np.linalg.pinv(covariance / np.outer(deviation, deviation), hermitian=True)
-    found, along = fit.solution.x[at] / deviation, ratios / length / deviation
-    zero, explained = float(found @ inverse @ found), float(along @ inverse @ found) ** 2
-    explained /= float(along @ inverse @ along)
-    near = chi_square_tail(zero - explained, len(at) - 1) >= WITHIN_INTERVAL
-    return near and chi_square_tail(explained, 1) < WITHIN_INTERVAL
+    return at, ratios / length, float(least / np.max(np.abs(ratios)))
 
 
 def drowned_friction(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.diagnostics.row_noise import block_noise
+from modelgen.runtime.diagnostics.row_noise import best_ratios, block_noise
 from modelgen.runtime.diagnostics.thresholds import NO_NOISE, ZERO_LIKELY
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.least_squares.fit import Fit
@@ -47,26 +48,49 @@ def zero_columns(
             continue
         why = f"row {row_name} has no force, and zero solves it as well: {_hides(fit, row, model, recorded)}"
         found |= dict.fromkeys(names, why)
-        beside = [own for own in model.regressor_columns if {*own} & {*model.regressor_columns[row]}]
-        taken = f"takes over what is lost where {why}"
-        shared |= {model.base_parameters[column]: taken for own in beside for column in own}
+        shared |= taken_over(model, row, why)
     return {name: why for name, why in shared.items() if name in fit.columns} | found
 
 
+def taken_over(model: Model, row: int, why: str) -> dict[str, str]:
+    """Return the columns of a row that is lost, and of those that share one with it, with the reason."""
+    own = {*model.regressor_columns[row]}
+    beside = [columns for columns in model.regressor_columns if {*columns} & own]
+    taken = f"takes over what is lost where {why}"
+    return {model.base_parameters[column]: taken for columns in beside for column in columns}
+
+
 def _hides(fit: Fit, row: int, model: Model, recorded: tuple[Sequence[Record], FilterChoice] | None) -> str:
-    """Return why zero solves a row: noise of the sensors, or a model that leaves far more than that."""
-    left = {}
-    if recorded is not None:
-        records, choice = recorded
-        for index, block in enumerate(fit.blocks):
-            if block.row == row:
-                noise = block_noise(fit, index, model, records[block.record], choice, rounded=True)
-                left[block.record_name] = fit.rms(index) / noise if noise > 0.0 else 0.0
+    """Return why zero solves a row: noise of the sensors, or a model that leaves far more than that.
+
+    The model holds where some values leave no more than noise: rows with a force do not tell how large they
+    are.
+    """
+    left, least = {}, dict[str, float]()
+    for index, block in enumerate(fit.blocks):
+        if recorded is not None and block.row == row:
+            left[block.record_name] = _over_noise(fit, index, model, recorded)
+            if (balanced := best_ratios(block, len(fit.columns))) is not None:
+                x = np.zeros(len(fit.columns))
+                x[balanced[0]] = balanced[1]
+                best = replace(fit, solution=replace(fit.solution, x=x))
+                least[block.record_name] = _over_noise(best, index, model, recorded)
     where = max(left, key=lambda name: left[name], default="")
     if not where or left[where] < NO_NOISE:
         return "noise of the sensors hides its motion"
+    if max(least.values(), default=NO_NOISE) < NO_NOISE:
+        return "it holds, for values whose size rows with a force do not tell here"
     what = f"it leaves {left[where]:.0f} times the noise of its sensors in {where}: the model does not hold"
     return f"{what} there (ratio, sign, unit or zero of a channel, a brake or a stop)"
+
+
+def _over_noise(fit: Fit, index: int, model: Model, recorded: tuple[Sequence[Record], FilterChoice]) -> float:
+    """Return how many times the noise of its sensors a row leaves."""
+    records, choice = recorded
+    block = fit.blocks[index]
+    noise = block_noise(fit, index, model, records[block.record], choice, rounded=True)
+    left = float(np.linalg.norm(block.residual(fit.solution.x))) / np.sqrt(block.count)
+    return float(left / noise) if noise > 0.0 else 0.0
 
 
 def _from_zero(values: FloatArray, covariance: FloatArray) -> float:

@@ -48,3 +48,14 @@ def test_noise_is_named_only_where_it_is_as_large_as_what_the_row_leaves(
     assert set(found) == set(zero_columns(fit, TWO_MASS))
     assert all(("noise of the sensors hides" in why) == (times < 6.0) for why in found.values())
     assert all(("30 times the noise of its sensors in run" in why) == (times > 6.0) for why in found.values())
+
+
+def test_a_row_that_holds_for_values_of_another_size_is_not_said_to_lack_something(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Few samples were left of the row with a force: of a right model ratio, sign and unit were doubted."""
+    fit, records = hidden(), (Record({"q_m": np.zeros(9)}, 1e3, "run"),)
+    noise = fit.rms(1) / 30.0
+    monkeypatch.setattr(unforced_rows, "block_noise", lambda one, *_, **__: noise if one is fit else 1.0)
+    found = zero_columns(fit, TWO_MASS, recorded=(records, CHOICE))
+    assert all(why.endswith("rows with a force do not tell here") for why in found.values())

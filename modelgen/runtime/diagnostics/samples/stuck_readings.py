@@ -100,6 +100,9 @@ def faulty_runs(
     lengths, values = runs.lengths, samples[runs.first]
     extreme = (values == ends[0]) | (values == ends[1])
     long = lengths >= _longest_by_chance(len(samples), lengths, shortest)
+    if not measures:  # before a drive is switched on, and after that
+        at_ends = (runs.first == 0) | (runs.last == len(samples) - 1)
+        long &= (values != 0.0) | ~at_ends
     if noisy(samples, runs):
         short = extreme & (lengths >= CLIPPED_RUN)
         clipped = np.flatnonzero(short & (long | (np.sum(short) > 1)))

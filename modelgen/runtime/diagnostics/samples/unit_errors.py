@@ -76,9 +76,11 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
         elif not falls and moves_as_one(model) and (off := _off_way(record, (one, other), levers, moves)):
             what = f"moves {off:.5g} times as far as {one.key} and the spec's ratios say, the farther both go"
             yield Advice("unit", where, what, OF_RATIOS)
-        # gears may turn two bodies against each other
+        # gears may turn two bodies against each other, and beyond a resonance, or about one that friction
+        # holds, bodies do
         turned = moves.get(str(one.body), 1.0) * moves.get(str(other.body), 1.0)
-        if 1.0 / REVERSED < abs(ratio) < REVERSED and ratio * turned < 0.0 and moves_as_one(model):
+        against = not falls and 1.0 / REVERSED < abs(ratio) < REVERSED and ratio * turned < 0.0
+        if against and moves_as_one(model):
             what = f"moves against {one.key} at low frequencies: one of them is reversed in sign"
             yield Advice("swapped", where, what, "check the signs of both (--map)")
 

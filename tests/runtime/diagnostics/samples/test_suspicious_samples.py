@@ -178,6 +178,22 @@ def test_a_force_that_is_cut_off_is_clipped_all_the_same() -> None:
     assert [one.kind for one in found] == ["clipped", "clipped"]
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+@pytest.mark.parametrize(
+    ("first", "last", "told"), [(3000, 4000, False), (0, 900, False), (1500, 2550, True)]
+)
+def test_a_force_before_its_drive_is_on_or_after_that_is_not_stuck(
+    noise: float, first: int, last: int, told: bool
+) -> None:
+    """To let an axis coast down is a good experiment; what reads nothing in the middle may be a cable."""
+    times, rng = np.arange(4000) / 1000.0, np.random.default_rng(0)
+    moved = times + 1e-5 * rng.standard_normal(4000)
+    force = np.sin(2.0 * np.pi * 3.0 * times) + noise * rng.standard_normal(4000)
+    force[first:last] = 0.0
+    found = suspicions(RIGID, [Record({"q_m": moved, "F": force}, 1000.0, "run")])
+    assert ("stuck" in [one.kind for one in found]) == told
+
+
 @pytest.mark.parametrize("n", [2, 3, 4, 5, 10])
 def test_records_of_a_few_samples_are_examined(n: int) -> None:
     samples = np.arange(float(n)) ** 2
