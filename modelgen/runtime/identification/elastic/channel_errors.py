@@ -11,6 +11,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.identification.elastic.encoder_zeros import deflecting, encoder_zeros
+from modelgen.runtime.identification.elastic.force_lags import force_lags, is_lag
 from modelgen.runtime.identification.elastic.row_forces import RowForce
 from modelgen.runtime.identification.thresholds import (
     HALF_SAMPLE,
@@ -167,6 +168,7 @@ def channel_errors(model: Model, records: int = 1) -> tuple[Effect, ...]:
     ]
     found = [delay_effect(key) for key in read]
     found += [zero_effect(key, None, 1) for key in (*own, *forces) if key in levels]
+    found += force_lags(forces_of_drives(model))
     return (*encoder_zeros(model, records), *found, *(_gear_effect(key) for key in geared))
 
 
@@ -215,8 +217,7 @@ def runs_away(effect: Effect, size: float, records: Sequence[Record]) -> bool:
         return abs(size) > effect.most
     if effect.kind == "gain":
         return abs(size) > MOST_ALIGNED_GAIN
-    late = size * max(record.fs for record in records) if effect.kind == "delay" else 0.0
-    return abs(late) > MOST_ALIGNED_SAMPLES
+    return effect.samples(size, max(record.fs for record in records)) > MOST_ALIGNED_SAMPLES
 
 
 def by_half(effect: Effect, size: float, records: Sequence[Record]) -> bool:
@@ -229,8 +230,8 @@ def by_half(effect: Effect, size: float, records: Sequence[Record]) -> bool:
 
 def resolved(effect: Effect, size: float, records: Sequence[Record]) -> bool:
     """Tell whether a size is more than channels and rows resolve."""
-    if effect.kind == "delay":
-        return abs(size) * max(record.fs for record in records) > LEAST_ALIGNED_SAMPLES
+    if effect.kind == "delay" or is_lag(effect):
+        return effect.samples(size, max(record.fs for record in records)) > LEAST_ALIGNED_SAMPLES
     if effect.kind == "gain":
         return abs(size) > LEAST_ALIGNED_GAIN
     return not below_noise(effect, size, records)
@@ -242,4 +243,6 @@ def tried_size(effect: Effect, record: Record) -> float:
         return TRIED_SAMPLES / record.fs
     if effect.kind == "gain":
         return TRIED_GAIN
+    if is_lag(effect):
+        return 0.5 * (TRIED_SAMPLES / record.fs) ** 2
     return TRIED_ZERO * (record.facts.extent(effect.channel).span or 1.0)

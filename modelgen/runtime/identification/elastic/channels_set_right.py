@@ -234,7 +234,7 @@ def _come_to_rest(
     else may be off.
     """
     (now, known), length, before, rests, moves = begun, 1.0, dict[Effect, float](), True, True
-    rows = EffectRows(now.job, candidates)
+    rows = EffectRows(now.job, candidates, read=task.records, undone=known)
     for done in range(ALIGNING_ROUNDS):
         try:
             joint = joint_effects(rows, tuple(known), rests)
@@ -255,7 +255,7 @@ def _come_to_rest(
         length = 0.5 * length if to_and_fro else min(1.0, 2.0 * length)
         before = {one: size for one, (size, _) in steps.items()}
         known = {one: known.get(one, 0.0) + length * size for one, size in before.items()}
-        right = joint.told(known)
+        right = joint.told(known, held)
         told = {one: size for one, size in known.items() if not isinstance(one, EncoderZero)}
         doubtful = [one for one, size in told.items() if abs(size) < ALIGNED_APART * steps[one][1]]
         doubtful += [one for one, size in told.items() if not resolved(one, size, task.records)]
@@ -270,7 +270,7 @@ def _come_to_rest(
             # where springs are hardly known no steps may rest: rows stay about the point that they had
             changed = again(corrected) if moves else None
             now, moves = changed or corrected, changed is not None
-            rows = EffectRows(now.job, rows.effects)
+            rows = EffectRows(now.job, rows.effects, read=task.records, undone=known)
         if rests and looked and not doubtful:
             return _Aligned(now, known, right, joint.fit.misfit)
     return None

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.diagnostics.noise_bias import less_noise, lifted_along
 from modelgen.runtime.identification.elastic.channel_errors import set_right, tried_size
+from modelgen.runtime.identification.elastic.force_lags import is_lag, noise_along_lag
 from modelgen.runtime.identification.elastic.link_forces import LinkForce, LinksInMotion
 from modelgen.runtime.identification.elastic.row_forces import RowForce, force_rows
 from modelgen.runtime.identification.job import Job
@@ -33,15 +34,18 @@ class EffectRows:
     """Rows of the records of a job, and what effects add to Y - W X per unit of each.
 
     They add that at base parameters `point`, shape (columns,), in SI; by default those of least squares.
+    `read` are the records as they were read, where effects are `undone` in those of the job, by their sizes.
     """
 
     job: Job
     effects: tuple[Effect, ...]
     point: FloatArray | None = None
+    read: tuple[Record, ...] = ()
+    undone: Mapping[Effect, float] = field(default_factory=dict)
 
     def about(self, fit: Fit) -> EffectRows:
         """Return the same at the base parameters of a fit, which knows of effects."""
-        return EffectRows(self.job, self.effects, fit.all_parameters(self.job.model.base_parameters))
+        return replace(self, point=fit.all_parameters(self.job.model.base_parameters))
 
     def solved(self, effects: Sequence[Effect]) -> Fit:
         """Return the fit of base parameters and sizes of effects, which are its last columns.
@@ -70,9 +74,23 @@ class EffectRows:
         places = [self.rows.columns.index(one.name) for one in effects]
         return [tuple(block.W[:, place] for block in blocks) for place in places]
 
-    def pull(self, columns: Sequence[str]) -> FloatArray:
-        """Return what noise adds to the products of columns with Y - W X, shape (columns,), in SI."""
-        return np.array([self._pull.get(name, 0.0) for name in columns])
+    def pull(self, fit: Fit, columns: Sequence[str]) -> FloatArray:
+        """Return what noise adds to the products of columns with Y - W X, shape (columns,), in SI.
+
+        Rows are weighted as in the fit where that is known to matter: the column of a lag takes noise of its
+        force, and by that its row weighs more.
+        """
+        job, read, lags = (
+            self.job,
+            self.read or self.job.records,
+            {one.name: one for one in self.effects if is_lag(one)},
+        )
+        found = np.array([self._pull.get(name, 0.0) for name in columns])
+        for place, name in enumerate(columns):
+            if name in lags:
+                undone = self.undone.get(lags[name], 0.0)
+                found[place] += noise_along_lag(job.model, read, job.choice, fit, lags[name], undone)
+        return found
 
     @cached_property
     def _pull(self) -> dict[str, float]:

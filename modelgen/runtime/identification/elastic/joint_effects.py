@@ -18,6 +18,7 @@ from modelgen.runtime.identification.elastic.channel_errors import (
 from modelgen.runtime.identification.elastic.effect_rows import EffectRows
 from modelgen.runtime.identification.elastic.encoder_zeros import EncoderZero
 from modelgen.runtime.identification.elastic.force_gains import ForceGain, all_but_one, common_scale
+from modelgen.runtime.identification.elastic.force_lags import is_lag, lag_of_delay, still_likely
 from modelgen.runtime.identification.elastic.row_forces import RowForce
 from modelgen.runtime.identification.thresholds import (
     ALIGNED_APART,
@@ -25,6 +26,7 @@ from modelgen.runtime.identification.thresholds import (
     AS_CERTAIN,
     LARGE_PART,
     LEAST_ALIGNED_SHARE,
+    LEFT_BIAS,
     MORE_CERTAIN,
     SAME_PART,
 )
@@ -46,15 +48,18 @@ class JointEffects:
     effects: tuple[Effect, ...]
     rows: EffectRows
 
-    @property
+    @cached_property
     def pull(self) -> FloatArray:
         """What noise of the sensors adds to the products of the columns with Y - W X, (c,) in SI."""
-        return self.rows.pull(self.fit.columns)
+        return self.rows.pull(self.fit, self.fit.columns)
 
     def step(self, effect: Effect) -> tuple[float, float]:
         """Return the further size of an effect, and its standard deviation, with what noise pulls it by."""
         place = self.fit.columns.index(effect.name)
-        return float(self.fit.solution.x[place]), float(np.hypot(self._spread[place], self._pulled(place)))
+        size, pulled = float(self.fit.solution.x[place]), self._pulled(place)
+        if is_lag(effect):
+            size, pulled = size - pulled, LEFT_BIAS * pulled
+        return size, float(np.hypot(self._spread[place], pulled))
 
     @cached_property
     def _covariance(self) -> FloatArray:
@@ -72,8 +77,8 @@ class JointEffects:
         own = R[:, place] - R[:, other] @ share
         return pulled_size(share, self.pull[other], own, float(self.pull[place]))
 
-    def told(self, known: Mapping[Effect, float]) -> SetRight:
-        """Return what is known of the effects."""
+    def told(self, known: Mapping[Effect, float], held: bool = False) -> SetRight:
+        """Return what is known of the effects, of forces that are taken as `held` commands or not."""
         last = [self.fit.columns.index(effect.name) for effect in known]
         own = [place for place in range(len(self.fit.columns)) if place not in last]
         R = self.fit.triangle[:-1, :-1]
@@ -90,10 +95,36 @@ class JointEffects:
             and (abs(size) < ALIGNED_APART * std or not resolved(one, size, records))
         )
         # zeros are there whatever else is: nothing stands in their place
-        others = tuple(() if isinstance(one, EncoderZero) else self._others(one, known) for one in known)
+        others = tuple(
+            ()
+            if isinstance(one, EncoderZero)
+            else (*self._others(one, known), *self._lag_of(one, known, held))
+            for one in known
+        )
         found = SetRight(columns, tuple(known), tuple(known.values()), moves, covariance)
         beyond = tuple(common_scale(self.rows, known))
         return replace(found, others=others, unsaid=unsaid, beyond=beyond)
+
+    def _lag_of(self, late: Effect, known: Mapping[Effect, float], held: bool) -> Iterator[Instead]:
+        """Yield that a delay of a force is that of a lag, with what that moves as likely as it is.
+
+        Which of the two it is shows at high frequencies only; a lag is as likely as none beforehand, and may
+        be a part of the delay.
+        """
+        rest = [one for one in self.rows.effects if one not in known]
+        sample = 1.0 / self.rows.job.records[0].fs if held else 0.0
+        found = lag_of_delay(late, known[late], rest, sample)
+        if found is None:
+            return
+        lag, size = found
+        joint = JointEffects(self.rows.solved([*known, lag]), (*known, lag), self.rows)
+        if lag.name not in joint.fit.columns:
+            return
+        share = float(np.sqrt(still_likely(*(one / size for one in joint.step(lag)))))
+        R, last = joint.fit.triangle[:-1, :-1], joint.fit.columns.index(lag.name)
+        own = [place for place in range(len(R)) if place != last]
+        move = np.linalg.lstsq(R[:, own], R[:, last], rcond=None)[0] * (-share * size)
+        yield Instead(lag, size, dict(zip((joint.fit.columns[k] for k in own), move.tolist(), strict=True)))
 
     def _others(self, effect: Effect, known: Mapping[Effect, float]) -> tuple[Instead, ...]:
         """Return what explains the rows as well as an effect does, in its place."""
@@ -187,12 +218,14 @@ def _first(told: Sequence[Score], forces: Container[str]) -> Effect:
 
 def _shown(rows: EffectRows, fit: Fit, chosen: Sequence[Effect]) -> Iterator[Score]:
     """Yield what is certain and matters of what a fit leaves, what explains most first."""
-    rest, pull = [effect for effect in rows.effects if effect not in chosen], rows.pull(fit.columns)
-    along = dict(zip(rest, rows.pull([effect.name for effect in rest]).tolist(), strict=True))
+    rest, pull = [effect for effect in rows.effects if effect not in chosen], rows.pull(fit, fit.columns)
+    along = dict(zip(rest, rows.pull(fit, [effect.name for effect in rest]).tolist(), strict=True))
     for one in scores(Span(fit), rest, rows.grown(fit, rest), LEAST_ALIGNED_SHARE):
         if one.matters and one.effect.possible(one.size) and _within(one.effect, one.size, rows.job.records):
-            pulled = abs(float(one.move @ pull) / one.size + along[one.effect]) / one.power
-            if abs(one.size) - pulled > MORE_CERTAIN * one.least:
+            pulled = (float(one.move @ pull) / one.size + along[one.effect]) / one.power
+            size = one.size - pulled if is_lag(one.effect) else one.size
+            doubt = LEFT_BIAS * abs(pulled) if is_lag(one.effect) else abs(pulled)
+            if abs(size) - doubt > MORE_CERTAIN * one.least and one.effect.possible(size):
                 yield one
 
 
