@@ -59,15 +59,23 @@ class PushedRows:
         return known[asked]
 
 
-@lru_cache(maxsize=4)  # stretches of a record, and one look after the other, have the same
 def _gain(filtering: Filtering, size: int, order: int) -> FloatArray:
     """Return what filter and differences make of the lines of a transform of `size` samples, over 1j**order.
 
     In 1/s^order, shape (size // 2 + 1,), not to be changed.
     """
+    gain, slope = _gain_and_slope(filtering, size)
+    return gain * integer_power(slope, order) if order else gain
+
+
+@lru_cache(maxsize=4)  # stretches of a record, and one look after the other, have the same
+def _gain_and_slope(filtering: Filtering, size: int) -> tuple[FloatArray, FloatArray]:
+    """Return the gain of the filter, and that of one difference over 1j, in 1/s."""
     phase = 2.0 * np.pi * np.fft.rfftfreq(size)
     gain = squared_gain(np.asarray(filtering.linear, dtype=float), np.sin(0.5 * phase) ** 2)
-    slope = sum(2.0 * c * np.sin(k * phase) for k, c in enumerate(filtering.stencil, start=1))
-    found = gain * integer_power(np.asarray(filtering.fs * slope), order)
-    found.flags.writeable = False
-    return found
+    slope = np.asarray(
+        filtering.fs * sum(2.0 * c * np.sin(k * phase) for k, c in enumerate(filtering.stencil, start=1))
+    )
+    for one in (gain, slope):
+        one.flags.writeable = False
+    return gain, slope

@@ -45,7 +45,12 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.nearest_parameters import alike
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.given_directions import bodies_with_signs, direction_channel, signs_of_rows
+from modelgen.runtime.rows.given_directions import (
+    bodies_with_signs,
+    brings_directions,
+    direction_channel,
+    signs_of_rows,
+)
 
 
 def with_starts(task: Task, method: IV) -> Begun | None:
@@ -191,7 +196,10 @@ def with_shown_effects(begun: Begun, holds_known: bool = False) -> Begun:
         better.sort(key=lambda entry: -entry[0])
         if not better or better[0][0] < AS_GOOD:
             break
-        most, one, best = better[0]
+        most, one, again = better[0]
+        best = _told(again, begun)
+        if best is None:
+            break
         equal = [entry for entry in better[1:] if most - entry[0] < AS_GOOD]
         ties[one.effect.name] = [(other.effect, other.size) for _, other, _ in equal]
         moves = [again.found.fit.solution.x - best.found.fit.solution.x for *_, again in equal]
@@ -245,8 +253,25 @@ def _with(begun: Begun, found: Explained, shown: Shown) -> Begun | None:
     job = replace(begun.task.job, effects=effects, sizes=(*found.sizes, shown.size))
     try:
         again = run_method(begun_at(replace(begun.task, job=job), begun), begun.task.method)
-        again = explained_with_directions(again, begun)
+        again = explained_with_directions(again, begun) if _turned(again) else again
     except (IdentifiabilityError, DataError):
         return None
     same = again.found.fit.carried is not None and again.found.fit.columns == begun.found.fit.columns
     return again if same else None
+
+
+def _told(again: Begun, before: Begun) -> Begun | None:
+    """Return what is taken in place of `before` with what its residual shows; None where that fails.
+
+    What is only tried is not asked for that, unless directions of a simulation follow it.
+    """
+    if _turned(again):
+        return again
+    with suppress(IdentifiabilityError, DataError):
+        return explained_with_directions(again, before)
+    return None
+
+
+def _turned(begun: Begun) -> bool:
+    """Tell whether the records bring directions of a simulation."""
+    return any(brings_directions(begun.task.model, one) for one in begun.task.job.records)
