@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from math import pi, sqrt
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -48,8 +49,10 @@ LONGEST_PERIOD, EVEN_LENGTH, FEW_FORCES = 1 << 16, 1 << 10, 4
 DRAWS, FEWEST_DRAWS = 4, 2
 # Where rows leave less than this share of a force's floor, something else than noise stands in it.
 MOSTLY_NOISE = 0.5
-# A floor that is this share of another record's, or that half of the samples show, is the noise of both.
+# A floor that is this share of another record's, or that the calmest samples show, is the noise of both.
 FLOORS_APART = 0.25
+# Shares of a force's samples that tell its noise: half of them, or a tenth where a step is never far.
+CALMEST, NORMAL = (0.1, 0.5), NormalDist()
 # Steps in which the largest share comes out to some percent.
 POWER_STEPS = 20
 
@@ -258,10 +261,15 @@ def _passed(job: Job, fit: Fit, index: int) -> Mapping[str, FloatArray]:
 
 
 def _steady_noise(record: Record, key: str) -> float:
-    """Return the density of white noise that half of a force's samples show, in its unit^2/Hz; 0 at rest."""
+    """Return the density of white noise that the calmest samples of a force show, in its unit^2/Hz; 0 at rest.
+
+    A binary force takes a step every few samples, which are most of its second differences.
+    """
     changes = np.abs(np.diff(record.read(key, 0, min(record.n, MOST_SAMPLES)), 2))
-    # of normal noise half is below 0.6745 deviations; second differences have six times its variance
-    return float(2.0 * (np.median(changes) / 0.6745) ** 2 / 6.0 / record.fs)
+    # second differences of normal noise have six times its variance; those of coarse readings are often zero
+    found = [float(np.quantile(changes, share)) / NORMAL.inv_cdf(0.5 + 0.5 * share) for share in CALMEST]
+    least = min((one for one in found if one > 0.0), default=0.0)
+    return 2.0 * least**2 / 6.0 / record.fs
 
 
 def _left(fit: Fit, number: int) -> list[FloatArray]:

@@ -207,15 +207,18 @@ def test_what_moves_the_machine_above_the_filter_is_not_taken_for_noise(
     assert abs(moved.params["M"] - TRUTH["M"]) < 3.0 * moved.bse["M"]
 
 
+@pytest.mark.parametrize("hold", [(9, 11), (2, 4)])
 def test_edges_that_few_samples_or_one_record_hold_are_no_noise(
-    loud: tuple[Job, Fit], monkeypatch: pytest.MonkeyPatch
+    loud: tuple[Job, Fit], monkeypatch: pytest.MonkeyPatch, hold: tuple[int, int]
 ) -> None:
+    """J_m was shifted by 2.5 % for the noise of a force that took a step in most of three samples."""
     # encoders are so coarse that rows tell nothing of the force's noise
     monkeypatch.setattr(drive_noise, "largest_density", lambda *_: np.inf)
     job, fit = loud
     record, rng = job.records[0], np.random.default_rng(1)
     own = record.facts.spectrum("Gamma_m").noise
-    levels = np.repeat(rng.choice([-0.1, 0.1], record.n), rng.integers(9, 11, record.n))[: record.n]
+    often = rng.choice([-0.1, -0.03, 0.03, 0.1], record.n)
+    levels = np.repeat(often, rng.integers(*hold, record.n))[: record.n]
     edges, noise = record.edited({"Gamma_m": record.signals["Gamma_m"] + levels}), rng.normal(size=record.n)
     noisy = record.edited({"Gamma_m": record.signals["Gamma_m"] + 0.05 * noise})
 
@@ -224,7 +227,7 @@ def test_edges_that_few_samples_or_one_record_hold_are_no_noise(
         return float(share) * records[0].facts.spectrum("Gamma_m").noise
 
     assert edges.facts.spectrum("Gamma_m").noise > 20.0 * own
-    assert taken_for_noise(edges) < 5.0 * own
+    assert taken_for_noise(edges) < 10.0 * own
     assert taken_for_noise(noisy, record) == pytest.approx(own, rel=0.1)
     # alone, or as noisy as the other one, it is noise
     assert taken_for_noise(noisy) == pytest.approx(2.0 * 0.05**2 / record.fs, rel=0.1)
