@@ -20,6 +20,8 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import ModelgenError
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise, hardly_weighed
+from modelgen.runtime.diagnostics.samples.unit_errors import amplitudes_off
+from modelgen.runtime.diagnostics.thresholds import REVERSED
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
 from modelgen.runtime.identification.cutoffs.choose_cutoff import part_tried
 from modelgen.runtime.identification.job import Job
@@ -129,7 +131,7 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
         # composites that are free of each other explain by terms that cancel what physical values leave
         given = _Sense(job, run(job)[1], rows)
     still = [key for key in job.model.channels if not any(_spans(record, key) for record in job.records)]
-    changes, every = list(_changes(job.model, still))[:TRIES], tuple(range(len(parts)))
+    changes, every = list(_changes(job.model, parts, still))[:TRIES], tuple(range(len(parts)))
     alike = [change for change in changes if change.alike]
     others = [change for change in changes if not change.alike]
     # what measures something else may look like nearly anything, of noise as well: last, and in all records;
@@ -196,8 +198,11 @@ def _told(job: Job, given: _Sense, tried: Sequence[_Mended]) -> Advice:
     return Advice("swapped", where, what, "check which column is which channel, and their signs (--map)")
 
 
-def _changes(model: Model, still: Container[str]) -> Iterator[_Change]:
-    """Yield exchanges of channels that measure the same, reversals, and exchanges of any other two."""
+def _changes(model: Model, records: Sequence[Record], still: Container[str]) -> Iterator[_Change]:
+    """Yield exchanges of channels that measure the same, reversals, and exchanges of any other two.
+
+    But of two sensors whose amplitudes agree as they are.
+    """
     kinds = {sensor.key: (sensor.measures, sensor.unit) for sensor in model.sensors}
     kinds |= {actuator.key: ("force", actuator.unit) for actuator in model.actuators}
     # one that reads the same everywhere explains nothing in another's place
@@ -206,7 +211,21 @@ def _changes(model: Model, still: Container[str]) -> Iterator[_Change]:
     alike = [(one, other) for one, other in pairs if kinds[one] == kinds[other]]
     yield from (_exchange(one, other, True) for one, other in alike)
     yield from (_reversal(key) for key in known)
-    yield from (_exchange(one, other, False) for one, other in pairs if (one, other) not in alike)
+    unlike = [_exchange(one, other, False) for one, other in pairs if (one, other) not in alike]
+    yield from (change for change in unlike if _may_be(change, model, records))
+
+
+def _may_be(change: _Change, model: Model, records: Sequence[Record]) -> bool:
+    """Tell whether amplitudes do not speak against an exchange of two sensors that measure something else.
+
+    A gear, or a derivative, shows in them however much noise there is.
+    """
+    pair = [sensor for sensor in model.sensors if sensor.key in change.channels.split(" and ")]
+    if len(pair) < 2:
+        return True
+    given = amplitudes_off(model, records, *pair)
+    other = amplitudes_off(model, [change.apply(record) for record in records], *pair)
+    return given is None or other is None or other < given + np.log(REVERSED)
 
 
 def _exchange(one: str, other: str, alike: bool) -> _Change:

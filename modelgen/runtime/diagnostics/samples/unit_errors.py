@@ -48,8 +48,7 @@ OF_RATIOS = "check the ratios of links in the spec, and the scale of both"
 
 def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterator[Advice]:
     """Yield an advice for every two of the named sensors that contradict each other absurdly."""
-    levers = {row.bodies[0]: row.lever for row in model.rows}
-    levers |= {actuator.body: actuator.lever for actuator in model.actuators}
+    levers = _levers(model)
     sensors = [sensor for sensor in model.sensors if sensor.body in levers and sensor.key in keys]
     # along a long chain a wrong unit shows between neighbours
     pairs = combinations(sensors, 2) if len(sensors) <= FEW_SENSORS else pairwise(sensors)
@@ -83,6 +82,32 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
         if against and moves_as_one(model):
             what = f"moves against {one.key} at low frequencies: one of them is reversed in sign"
             yield Advice("swapped", where, what, "check the signs of both (--map)")
+
+
+def _levers(model: Model) -> dict[str, float]:
+    """Return how far bodies move when the chain moves as one, those of rows and of actuators."""
+    levers = {row.bodies[0]: row.lever for row in model.rows}
+    return levers | {actuator.body: actuator.lever for actuator in model.actuators}
+
+
+def amplitudes_off(model: Model, records: Sequence[Record], one: Sensor, other: Sensor) -> float | None:
+    """Return how far amplitudes of two sensors at low frequencies are from what gears say, a logarithm.
+
+    Noise of one of them is in it, which lets them differ by less than other channels in their place do. Of
+    records the worst; None of a chain that does not move as one.
+    """
+    levers = _levers(model)
+    if model.is_arm or not moves_as_one(model) or not {one.body, other.body} <= levers.keys():
+        return None
+    found = [0.0]
+    for record in records:
+        band = slice(FIRST_BIN, FIRST_BIN + SMALLEST_BAND)
+        first, second = (
+            float(np.linalg.norm(lines[band])) / levers[str(sensor.body)]
+            for lines, sensor in zip(_alike_lines(record, one, other), (one, other), strict=True)
+        )
+        found.append(abs(float(np.log(second / first))) if first and second else np.inf)
+    return max(found)
 
 
 def _off_ratio(ratios: FloatArray, found: Ratios) -> float | None:
@@ -225,16 +250,7 @@ def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> Ratios |
     None where too few bands are coherent, or where the ratio changes with the frequency, or its sign: beyond
     an antiresonance.
     """
-    # of a long record, the stretch that moves most
-    parts = record.facts.stretches(one.key)
-    moves = [float(np.ptp(part)) for part in parts]
-    most = moves.index(max(moves))
-    first, second = (record.facts.lines(sensor.key, most) for sensor in (one, other))
-    derivatives = other.order - one.order
-    if derivatives > 0:
-        first = _derived(record, one.key, most, derivatives)
-    elif derivatives < 0:
-        second = _derived(record, other.key, most, -derivatives)
+    first, second = _alike_lines(record, one, other)
     ratios, along, noise, squares = list[float](), list[float](), list[float](), list[float]()
     low = FIRST_BIN
     while low < len(first) and len(ratios) < BANDS:
@@ -255,6 +271,20 @@ def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> Ratios |
     if len(ratios) < BANDS or max(ratios) > FLAT * min(ratios) or min(along) < 0.0 < max(along):
         return None
     return Ratios(np.copysign(ratios, np.median(along)), np.asarray(noise), np.asarray(squares))
+
+
+def _alike_lines(record: Record, one: Sensor, other: Sensor) -> tuple[ComplexArray, ComplexArray]:
+    """Return the lines of two sensors, both of the same derivative; of a long record where it moves most."""
+    parts = record.facts.stretches(one.key)
+    moves = [float(np.ptp(part)) for part in parts]
+    most = moves.index(max(moves))
+    first, second = (record.facts.lines(sensor.key, most) for sensor in (one, other))
+    derivatives = other.order - one.order
+    if derivatives > 0:
+        first = _derived(record, one.key, most, derivatives)
+    elif derivatives < 0:
+        second = _derived(record, other.key, most, -derivatives)
+    return first, second
 
 
 def _derived(record: Record, key: str, part: int, order: int) -> ComplexArray:
