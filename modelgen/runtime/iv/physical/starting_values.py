@@ -150,7 +150,10 @@ def _stretches(records: Sequence[Record]) -> list[Record]:
 
 
 def vanished_names(model: Model, values: Mapping[str, float]) -> tuple[str, ...]:
-    """Return inertias that are next to nothing, seen from the actuator, and all of their bodies and links."""
+    """Return inertias that are next to nothing, seen from the actuator, and all of their bodies and links.
+
+    And what is below zero: but for damping, of which a light one may come out so by chance.
+    """
     try:
         plant = make_plant(model, possible(model, values))
         felt = plant.inertia * vibration(plant).lowest ** 2
@@ -159,12 +162,14 @@ def vanished_names(model: Model, values: Mapping[str, float]) -> tuple[str, ...]
     gone = {
         body for body, inertia in zip(plant.bodies, felt, strict=True) if inertia < LEAST_SHARE * felt.sum()
     }
+    moved = possible(model, values)
+    below = {name for name in moved if moved[name] != values[name] and model.roles[name].role != "damping"}
     return tuple(
         name
         for name in model.parameters
         if name in model.roles
         and model.roles[name].role in MOVING
-        and (gone.intersection(model.roles[name].bodies) or possible(model, values)[name] != values[name])
+        and (name in below or gone.intersection(model.roles[name].bodies))
     )
 
 

@@ -11,7 +11,7 @@ import pytest
 from generated import emps300_qm_qc
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
-from modelgen.runtime.iv.physical.starting_values import refuse_emptied
+from modelgen.runtime.iv.physical.starting_values import refuse_emptied, vanished_names
 from modelgen.runtime.model.model import model_from_module
 
 MODEL = model_from_module(emps300_qm_qc)
@@ -46,3 +46,19 @@ def test_small_bodies_and_uncertain_ones_are_left_to_their_intervals(
 def test_a_body_without_a_sensor_is_lost_alone() -> None:
     blind = replace(MODEL, sensors=tuple(one for one in MODEL.sensors if one.body != "c"))
     refuse_emptied(blind, START, _without_load(START), LOST, FIT)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("name", "share", "gone"),
+    [
+        pytest.param("F_vmc", -0.5, (), id="a light damping is below zero by chance"),
+        pytest.param("K", -0.5, ("J_c", "F_vmc", "K"), id="what no stiffness holds does not move along"),
+        pytest.param("J_c", 1e-9, ("J_c", "F_vmc", "K"), id="a link goes with its body"),
+    ],
+)
+def test_what_vanished_is_no_chain_that_the_records_know(
+    name: str, share: float, gone: tuple[str, ...]
+) -> None:
+    """Starts went on being tried for a damping of -1 +- 3 of one of three masses, for half a minute."""
+    values = dict(zip(MODEL.parameters, START.tolist(), strict=True))
+    assert set(vanished_names(MODEL, {**values, name: share * values[name]})) == set(gone)
