@@ -279,3 +279,6 @@ TOLD_APART = 100.0
 # What nothing explains is tried once more without this share of every record at either end: brakes are
 # released and set within the first and the last half second of records of some seconds.
 END_SHARE = 0.125
+# That is where least squares of the rest leave more there by this factor (rms) in a row: a force that moves
+# nothing is many times what a row leaves, and what is hard to explain everywhere varies by less.
+LEFT_AT_ENDS = 1.5

@@ -261,7 +261,7 @@ def _passed(job: Job, fit: Fit, index: int) -> Mapping[str, FloatArray]:
 
 
 def _steady_noise(record: Record, key: str) -> float:
-    """Return the density of white noise that the calmest samples of a force show, in its unit^2/Hz; 0 at rest.
+    """Return the density of white noise that a force's calmest samples show, in its unit^2/Hz; 0 at rest.
 
     A binary force takes a step every few samples, which are most of its second differences.
     """
