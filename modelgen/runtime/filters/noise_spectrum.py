@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, log, sqrt
+from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +25,7 @@ from modelgen.runtime.filters.power_spectrum import (
 )
 from modelgen.runtime.filters.thresholds import (
     BAND_SHARE,
+    CALMEST,
     FEWEST_LINES,
     LEAST_POWER,
     LEAST_TREND,
@@ -32,6 +34,8 @@ from modelgen.runtime.filters.thresholds import (
     NOISE_FACTOR,
     NOISE_FROM,
 )
+
+NORMAL = NormalDist()
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +123,25 @@ def reading_spectrum(samples: FloatArray, fs: float) -> ReadingSpectrum:
     travel, spread = abs(steady) * n, sqrt(0.5 * noise * fs)
     trend = travel / spread if spread > 0.0 else inf if travel > 0.0 else 0.0
     return ReadingSpectrum(frequency_hz, density, noise, trend)
+
+
+def calm_noise(samples: FloatArray, fs: float) -> float:
+    """Return the density of white noise that the calmest samples show, in unit^2/Hz; 0 at rest.
+
+    A binary force takes a step every few samples, which are most of its second differences.
+
+    Parameters
+    ----------
+    samples : array, shape (n,)
+        In any unit.
+    fs : float
+        Sampling frequency in Hz.
+    """
+    changes = np.abs(np.diff(samples, 2))
+    # second differences of normal noise have six times its variance; those of coarse readings are often zero
+    found = [float(np.quantile(changes, share)) / NORMAL.inv_cdf(0.5 + 0.5 * share) for share in CALMEST]
+    least = min((one for one in found if one > 0.0), default=0.0)
+    return 2.0 * least**2 / 6.0 / fs
 
 
 def mean_spectrum(spectra: Sequence[ReadingSpectrum]) -> ReadingSpectrum:

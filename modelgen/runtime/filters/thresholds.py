@@ -88,3 +88,6 @@ MOST_STEPS, ENOUGH_STEPS = 4, 12
 NEIGHBOURS, MOST_PARTS, REACHES = 32, 64, (4.0, 30.0, 200.0)
 # So many numbers of cosines are kept in tables (16 MB); beyond, samples are transformed.
 COSINES_KEPT = 1 << 21
+
+# Shares of samples that tell the noise of a reading: half of them, or a tenth where a step is never far.
+CALMEST = (0.1, 0.5)

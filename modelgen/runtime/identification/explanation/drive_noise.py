@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from math import pi, sqrt
-from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +24,7 @@ from modelgen.runtime.diagnostics.residual_whiteness import largest_density
 from modelgen.runtime.diagnostics.row_noise import row_noise
 from modelgen.runtime.diagnostics.thresholds import MOST_SAMPLES
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filters.noise_spectrum import calm_noise
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import MOST_DRIVEN
 from modelgen.runtime.iv.held_motion import feedback_hz
@@ -51,8 +51,6 @@ DRAWS, FEWEST_DRAWS = 4, 2
 MOSTLY_NOISE = 0.5
 # A floor that is this share of another record's, or that the calmest samples show, is the noise of both.
 FLOORS_APART = 0.25
-# Shares of a force's samples that tell its noise: half of them, or a tenth where a step is never far.
-CALMEST, NORMAL = (0.1, 0.5), NormalDist()
 # Steps in which the largest share comes out to some percent.
 POWER_STEPS = 20
 
@@ -252,24 +250,13 @@ def _passed(job: Job, fit: Fit, index: int) -> Mapping[str, FloatArray]:
             for block, residuals in left
         ]
         others = [one.facts.spectrum(key).noise for one in job.records if key in one.signals]
-        least = min(one for one in (_steady_noise(record, key), floor, *others) if one > 0.0 or one == floor)
+        calm = calm_noise(record.read(key, 0, min(record.n, MOST_SAMPLES)), record.fs)
+        least = min(one for one in (calm, floor, *others) if one > 0.0 or one == floor)
         apart = [least] if least < FLOORS_APART * floor else []
         shares[key] = np.asarray(
             min([1.0, *(one / floor for one in (*most, *apart))]) if floor > 0.0 else 1.0
         )
     return shares
-
-
-def _steady_noise(record: Record, key: str) -> float:
-    """Return the density of white noise that a force's calmest samples show, in its unit^2/Hz; 0 at rest.
-
-    A binary force takes a step every few samples, which are most of its second differences.
-    """
-    changes = np.abs(np.diff(record.read(key, 0, min(record.n, MOST_SAMPLES)), 2))
-    # second differences of normal noise have six times its variance; those of coarse readings are often zero
-    found = [float(np.quantile(changes, share)) / NORMAL.inv_cdf(0.5 + 0.5 * share) for share in CALMEST]
-    least = min((one for one in found if one > 0.0), default=0.0)
-    return 2.0 * least**2 / 6.0 / record.fs
 
 
 def _left(fit: Fit, number: int) -> list[FloatArray]:
