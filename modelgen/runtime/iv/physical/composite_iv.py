@@ -74,12 +74,13 @@ def fit_composites_iv(
     plain = replace(rules, robust=False, bounded=False)
 
     def beginnings() -> Iterator[Beginning]:
+        if begin is not None and known_delays is not None:
+            # without the delays that are known steps go the same way, or in vain
+            yield begin, {channel: known_delays.get(channel, 0.0) for channel in late}
+            return
         if begin is not None:
             yield begin, on_time
-        if begin is not None and known_delays is not None:
-            yield begin, {channel: known_delays.get(channel, 0.0) for channel in late}
-        else:
-            yield from _beginnings(setting, rows, late, first)
+        yield from _beginnings(setting, rows, late, first)
 
     try:
         found = _first_found(setting, rows, beginnings(), plain)

@@ -48,9 +48,9 @@ def test_steps_near_an_estimate_that_lead_nowhere_are_not_begun_elsewhere(
     delays = {"Gamma_m": 1e-4}
     with pytest.raises(IdentifiabilityError, match="do not come to rest"):
         fit_composites_iv(setting, rows, late, begin=truth, known_delays=delays)
-    # what is late may have to be held there
+    # what is late may have to be held there; without its delay steps went the same way, or in vain
     assert all(start == truth for start, _ in tried)
-    assert [held for _, held in tried if held] == [{"Gamma_m": 0.0}, delays]
+    assert [held for _, held in tried if held] == [delays]
     tried.clear()
     with pytest.raises(IdentifiabilityError):
         fit_composites_iv(setting, rows, late, begin=truth)
