@@ -100,15 +100,17 @@ def within_rounding(effect: Effect, size: float, simulated: Sequence[Simulated])
 def summed(unseen: Sequence[Effect], known: Sequence[Effect]) -> tuple[str, ...]:
     """Return the note that labels friction of several bodies that these sensors see as a sum.
 
-    Each is named once, and none of those that are `known`, being estimated.
+    Each is named once, and none of those that are `known`, being estimated: what is estimated is in no sum.
     """
     every = dict.fromkeys(effect.name for effect in unseen if effect.name.startswith(SUMMED))
-    names = [name for name in every if name not in {effect.name for effect in known}]
+    apart = [effect.name for effect in known if effect.name.startswith(SUMMED)]
+    names = [name for name in every if name not in apart]
     if not names:
         return ()
+    holds = f"holds it as well, {' and '.join(apart)} not" if apart else "is the sum of all bodies' friction"
     return (
         f"{' and '.join(names)}, which the spec does not name, can hardly be told from the friction that it "
-        "names with these sensors: if there is any, the value is the sum of all bodies' friction",
+        f"names with these sensors: if there is any, the value {holds}",
     )
 
 

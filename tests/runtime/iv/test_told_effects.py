@@ -31,8 +31,10 @@ def test_friction_that_is_estimated_is_in_no_sum() -> None:
     coulomb, viscous = effects["Coulomb friction on c"], effects["viscous friction on c"]
     (both,) = summed((coulomb, viscous, coulomb), ())
     assert both.count("Coulomb") == both.count("viscous") == 1
+    assert both.endswith("the value is the sum of all bodies' friction")
     (one,) = summed((coulomb, viscous), (coulomb,))
-    assert "Coulomb" not in one
+    assert one.startswith("viscous friction on c, which")
+    assert one.endswith("the value holds it as well, Coulomb friction on c not")
     assert summed((coulomb,), (coulomb,)) == ()
 
 
