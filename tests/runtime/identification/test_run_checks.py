@@ -209,10 +209,10 @@ def test_where_cut_offs_of_the_bench_disagree_the_summary_says_that_its_model_la
     shared_data: Path,
 ) -> None:
     model, whole = bench(shared_data)
-    # six seconds of each half: their intervals are 2 % and less
+    # four seconds of each half: their intervals are 2 to 6 %
     halves = [
         Record({key: s[2500 * a : 2500 * b] for key, s in whole.signals.items()}, whole.fs, f"half {a}")
-        for a, b in ((1, 7), (10, 16))
+        for a, b in ((1, 5), (10, 14))
     ]
     for hz in (120.0, 400.0):
         first, second = (identify(model, half, cutoff_hz=hz) for half in halves)
