@@ -80,11 +80,8 @@ class EffectRows:
         Rows are weighted as in the fit where that is known to matter: the column of a lag takes noise of its
         force, and by that its row weighs more.
         """
-        job, read, lags = (
-            self.job,
-            self.read or self.job.records,
-            {one.name: one for one in self.effects if is_lag(one)},
-        )
+        job, read = self.job, self.read or self.job.records
+        lags = {one.name: one for one in self.effects if is_lag(one)}
         found = np.array([self._pull.get(name, 0.0) for name in columns])
         for place, name in enumerate(columns):
             if name in lags:
