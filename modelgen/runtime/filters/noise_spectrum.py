@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, log, sqrt
-from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
@@ -34,8 +33,7 @@ from modelgen.runtime.filters.thresholds import (
     NOISE_FACTOR,
     NOISE_FROM,
 )
-
-NORMAL = NormalDist()
+from modelgen.runtime.numerics.tails import normal_beyond
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +137,7 @@ def calm_noise(samples: FloatArray, fs: float) -> float:
     """
     changes = np.abs(np.diff(samples, 2))
     # second differences of normal noise have six times its variance; those of coarse readings are often zero
-    found = [float(np.quantile(changes, share)) / NORMAL.inv_cdf(0.5 + 0.5 * share) for share in CALMEST]
+    found = [float(np.quantile(changes, share)) / normal_beyond(0.5 - 0.5 * share) for share in CALMEST]
     least = min((one for one in found if one > 0.0), default=0.0)
     return 2.0 * least**2 / 6.0 / fs
 

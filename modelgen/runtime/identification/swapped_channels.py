@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, product
+from itertools import combinations, islice, product
 from typing import NamedTuple
 
 import numpy as np
@@ -131,7 +131,7 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
         # composites that are free of each other explain by terms that cancel what physical values leave
         given = _Sense(job, run(job)[1], rows)
     still = [key for key in job.model.channels if not any(_spans(record, key) for record in job.records)]
-    changes, every = list(_changes(job.model, parts, still))[:TRIES], tuple(range(len(parts)))
+    changes, every = [*islice(_changes(job.model, parts, still), TRIES)], tuple(range(len(parts)))
     alike = [change for change in changes if change.alike]
     others = [change for change in changes if not change.alike]
     # what measures something else may look like nearly anything, of noise as well: last, and in all records;
@@ -211,21 +211,23 @@ def _changes(model: Model, records: Sequence[Record], still: Container[str]) -> 
     alike = [(one, other) for one, other in pairs if kinds[one] == kinds[other]]
     yield from (_exchange(one, other, True) for one, other in alike)
     yield from (_reversal(key) for key in known)
-    unlike = [_exchange(one, other, False) for one, other in pairs if (one, other) not in alike]
-    yield from (change for change in unlike if _may_be(change, model, records))
+    for one, other in pairs:
+        change = _exchange(one, other, False)
+        if (one, other) not in alike and _may_be(change, {one, other}, model, records):
+            yield change
 
 
-def _may_be(change: _Change, model: Model, records: Sequence[Record]) -> bool:
-    """Tell whether amplitudes do not speak against an exchange of two sensors that measure something else.
+def _may_be(change: _Change, keys: Container[str], model: Model, records: Sequence[Record]) -> bool:
+    """Tell whether amplitudes do not speak against an exchange of channels that measure something else.
 
-    A gear, or a derivative, shows in them however much noise there is.
+    A gear, or a derivative, shows in those of two sensors however much noise there is.
     """
-    pair = [sensor for sensor in model.sensors if sensor.key in change.channels.split(" and ")]
-    if len(pair) < 2:
+    pair = [sensor for sensor in model.sensors if sensor.key in keys]
+    given = amplitudes_off(model, records, *pair) if len(pair) == 2 else None
+    if given is None:
         return True
-    given = amplitudes_off(model, records, *pair)
     other = amplitudes_off(model, [change.apply(record) for record in records], *pair)
-    return given is None or other is None or other < given + np.log(REVERSED)
+    return other is None or other < given + np.log(REVERSED)
 
 
 def _exchange(one: str, other: str, alike: bool) -> _Change:

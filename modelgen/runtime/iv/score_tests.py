@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 
 import numpy as np
 
@@ -34,7 +35,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.block_column import block_column
 from modelgen.runtime.numerics.few_instants import USUAL
 from modelgen.runtime.numerics.regressor import Regressors
-from modelgen.runtime.numerics.tails import normal_beyond
+from modelgen.runtime.numerics.tails import likely_square, normal_beyond
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,10 +134,9 @@ def moves_within(
 ) -> FloatArray:
     """Return what effects move whose sizes are known to be about 1 at most, as a mean square, shape (c, c).
 
-    They are not estimated, but what the residual says of a size counts: the mean square is that of a normal
-    one with the standard deviation 1, given the residual; what is `doubtful` is as likely not there at all
-    (Mitchell and Beauchamp 1988). What moves nothing by more than rounding is left out: the instants at which
-    it acts are not used. `grown` is as in `scores`, `own` as `least_own` there.
+    They are not estimated, but what the residual says of a size counts (`likely_square`). What moves nothing
+    by more than rounding is left out: the instants at which it acts are not used. `grown` is as in `scores`,
+    `own` as `least_own` there, and `doubtful` tells whether effects are as likely not there at all.
     """
     fit, slope = span.fit, span.slope
     total = np.zeros((len(fit.columns),) * 2)
@@ -144,19 +144,17 @@ def moves_within(
     told = span.compared(seen, span.left)
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit, grown=False)), 0.0))
     for place, column in enumerate(seen):
-        share, odds, power = 0.0, 1.0, float(told.power[place])
+        std, power = inf, float(told.power[place])
         size = float(told.along[place]) / power if power > 0.0 else 0.0
         if power > own * float(told.whole[place]):
             (std,) = _deviations(fit, span.left, span.apart(stacked(fit, column)), size, power, (USUAL,))
-            share, std = 1.0 / (1.0 + std**2), max(std, np.finfo(float).eps)
-            odds = float(np.exp(-0.5 * share * (size / std) ** 2) * np.sqrt(1.0 + 1.0 / std**2))
         if fit.white is not None:
             move = fit.white.moved(column)[: len(fit.columns)]
         else:
             move = told.share[:, place] if slope is None else slope @ told.share[:, place]
         if np.all(np.abs(move) <= LEAST_DRIFT * spread):
             continue
-        total += (share**2 * size**2 + 1.0 - share) / (1.0 + odds * doubtful) * np.outer(move, move)
+        total += likely_square(size, std, doubtful) * np.outer(move, move)
     return total
 
 

@@ -1,4 +1,4 @@
-"""Tails of the normal and the chi-square distribution, in closed form.
+"""Tails of the normal and the chi-square distribution, and what is likely of a size, in closed form.
 
 `scipy.stats` has them as well, but its import takes longer than the identification of a short record.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 from functools import lru_cache
 from math import erfc, exp, lgamma, log, sqrt
 from statistics import NormalDist
+from sys import float_info
 
 
 def normal_tail(x: float) -> float:
@@ -47,3 +48,15 @@ def chi_square_beyond(p: float, degrees: int) -> float:
         else:
             high = middle
     return high
+
+
+def likely_square(size: float, std: float, doubtful: bool = True) -> float:
+    """Return the mean square of a number of about 1, of which an estimate tells a size, +- std.
+
+    Beforehand it is normal with the standard deviation 1; what is `doubtful` is as likely not there at all
+    (Mitchell and Beauchamp 1988).
+    """
+    std = max(abs(std), float_info.epsilon)
+    share = 1.0 / (1.0 + std**2)
+    odds = exp(-0.5 * share * (size / std) ** 2) * sqrt(1.0 + 1.0 / std**2)
+    return (share**2 * size**2 + 1.0 - share) / (1.0 + odds * doubtful)

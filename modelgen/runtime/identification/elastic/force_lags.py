@@ -44,18 +44,6 @@ def lag_of_delay(
     return (lags[0], held_s**2 / 24.0 - 0.5 * (size - 0.5 * held_s) ** 2) if lags else None
 
 
-def still_likely(size: float, std: float) -> float:
-    """Return the mean square of a size of about 1 or of none, of which rows tell this one.
-
-    It is as in `modelgen.runtime.iv.score_tests.moves_within`: a normal one with the standard deviation 1, as
-    likely as none beforehand.
-    """
-    std = max(abs(std), np.finfo(float).eps)
-    share = 1.0 / (1.0 + std**2)
-    odds = float(np.exp(-0.5 * share * (size / std) ** 2) * np.sqrt(1.0 + 1.0 / std**2))
-    return (share**2 * size**2 + 1.0 - share) / (1.0 + odds)
-
-
 def noise_along_lag(
     model: Model,
     read: Sequence[Record],

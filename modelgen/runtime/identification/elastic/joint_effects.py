@@ -18,7 +18,7 @@ from modelgen.runtime.identification.elastic.channel_errors import (
 from modelgen.runtime.identification.elastic.effect_rows import EffectRows
 from modelgen.runtime.identification.elastic.encoder_zeros import EncoderZero
 from modelgen.runtime.identification.elastic.force_gains import ForceGain, all_but_one, common_scale
-from modelgen.runtime.identification.elastic.force_lags import is_lag, lag_of_delay, still_likely
+from modelgen.runtime.identification.elastic.force_lags import is_lag, lag_of_delay
 from modelgen.runtime.identification.elastic.row_forces import RowForce
 from modelgen.runtime.identification.thresholds import (
     ALIGNED_APART,
@@ -34,6 +34,7 @@ from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.score_tests import Score, Span, scores, stacked
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.numerics.tails import likely_square
 from modelgen.runtime.records.record import Record
 
 
@@ -120,7 +121,8 @@ class JointEffects:
         joint = JointEffects(self.rows.solved([*known, lag]), (*known, lag), self.rows)
         if lag.name not in joint.fit.columns:
             return
-        share = float(np.sqrt(still_likely(*(one / size for one in joint.step(lag)))))
+        step, std = joint.step(lag)
+        share = float(np.sqrt(likely_square(step / size, std / size)))
         R, last = joint.fit.triangle[:-1, :-1], joint.fit.columns.index(lag.name)
         own = [place for place in range(len(R)) if place != last]
         move = np.linalg.lstsq(R[:, own], R[:, last], rcond=None)[0] * (-share * size)

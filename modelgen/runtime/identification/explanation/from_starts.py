@@ -27,6 +27,7 @@ from modelgen.runtime.identification.explanation.explained import (
 from modelgen.runtime.identification.explanation.simulated_directions import (
     explained_with_directions,
     left_a_sample,
+    turned,
     with_simulated_directions,
 )
 from modelgen.runtime.identification.explanation.what_is_left import gained, left_of_each
@@ -45,12 +46,7 @@ from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.nearest_parameters import alike
 from modelgen.runtime.parameters.physical_parameters import all_from_composites
 from modelgen.runtime.records.record import Record
-from modelgen.runtime.rows.given_directions import (
-    bodies_with_signs,
-    brings_directions,
-    direction_channel,
-    signs_of_rows,
-)
+from modelgen.runtime.rows.given_directions import bodies_with_signs, direction_channel, signs_of_rows
 
 
 def with_starts(task: Task, method: IV) -> Begun | None:
@@ -253,7 +249,7 @@ def _with(begun: Begun, found: Explained, shown: Shown) -> Begun | None:
     job = replace(begun.task.job, effects=effects, sizes=(*found.sizes, shown.size))
     try:
         again = run_method(begun_at(replace(begun.task, job=job), begun), begun.task.method)
-        again = explained_with_directions(again, begun) if _turned(again) else again
+        again = explained_with_directions(again, begun) if turned(again) else again
     except (IdentifiabilityError, DataError):
         return None
     same = again.found.fit.carried is not None and again.found.fit.columns == begun.found.fit.columns
@@ -265,13 +261,8 @@ def _told(again: Begun, before: Begun) -> Begun | None:
 
     What is only tried is not asked for that, unless directions of a simulation follow it.
     """
-    if _turned(again):
+    if turned(again):
         return again
     with suppress(IdentifiabilityError, DataError):
         return explained_with_directions(again, before)
     return None
-
-
-def _turned(begun: Begun) -> bool:
-    """Tell whether the records bring directions of a simulation."""
-    return any(brings_directions(begun.task.model, one) for one in begun.task.job.records)

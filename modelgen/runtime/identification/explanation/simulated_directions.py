@@ -79,9 +79,9 @@ def explained_with_directions(begun: Begun, before: Begun | None = None) -> Begu
     """
     told, before = _explained(begun), before or begun
     for _ in range(TURNED_ROUNDS):
-        fit, records = told.found.fit, told.task.job.records
+        fit = told.found.fit
         gain = left_a_sample(before.found.fit) - left_a_sample(fit)
-        if gain < TURNED_GAIN or not any(brings_directions(told.task.model, one) for one in records):
+        if gain < TURNED_GAIN or not turned(told):
             break
         again = _turned_anew(begun.task, told)
         again = again and _explained(with_note(again, SIMULATED, begun.found.drift))
@@ -90,6 +90,11 @@ def explained_with_directions(begun: Begun, before: Begun | None = None) -> Begu
             break
         told, before = again, told
     return told
+
+
+def turned(begun: Begun) -> bool:
+    """Tell whether the records bring directions of bodies, of a simulation say."""
+    return any(brings_directions(begun.task.model, one) for one in begun.task.job.records)
 
 
 def _unsettled(found: Begun, again: Begun | None) -> Begun:

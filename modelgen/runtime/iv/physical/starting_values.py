@@ -154,15 +154,15 @@ def vanished_names(model: Model, values: Mapping[str, float]) -> tuple[str, ...]
 
     And what is below zero: but for damping, of which a light one may come out so by chance.
     """
+    moved = possible(model, values)
     try:
-        plant = make_plant(model, possible(model, values))
+        plant = make_plant(model, moved)
         felt = plant.inertia * vibration(plant).lowest ** 2
     except ModelgenError:
         return tuple(name for name, role in model.roles.items() if role.role in MOVING)
     gone = {
         body for body, inertia in zip(plant.bodies, felt, strict=True) if inertia < LEAST_SHARE * felt.sum()
     }
-    moved = possible(model, values)
     below = {name for name in moved if moved[name] != values[name] and model.roles[name].role != "damping"}
     return tuple(
         name

@@ -17,7 +17,6 @@ from modelgen.runtime.identification.elastic.force_lags import (
     force_lags,
     lag_of_delay,
     noise_along_lag,
-    still_likely,
 )
 from modelgen.runtime.identification.elastic.joint_effects import JointEffects
 from modelgen.runtime.identification.methods import WLS
@@ -68,13 +67,6 @@ def test_a_lag_has_a_time_constant_in_samples() -> None:
     assert runs_away(lag, -0.5 * 0.06**2, [record])
     assert not runs_away(lag, -0.5 * LAG_S**2, [record])
     assert 0.0 < tried_size(lag, record) < 1e-3 * LAG_S**2
-
-
-def test_what_rows_exclude_is_not_likely() -> None:
-    assert still_likely(0.0, 1e-3) < 1e-5
-    assert still_likely(1.0, 1e-3) == pytest.approx(1.0, abs=1e-4)
-    # rows that say nothing leave one as likely as none
-    assert still_likely(0.0, 1e6) == pytest.approx(0.5, abs=1e-3)
 
 
 def test_noise_of_a_force_is_no_lag() -> None:
