@@ -8,6 +8,7 @@ values those are tried, and deflections of so many parts of the motion.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -22,18 +23,9 @@ from modelgen.runtime.identification.contradiction import impossible
 from modelgen.runtime.identification.cutoffs.cutoff_steps import higher_cutoffs
 from modelgen.runtime.identification.elastic.likely_places import StartedSprings, explains
 from modelgen.runtime.identification.elastic.other_springs import other_springs
-from modelgen.runtime.identification.elastic.rest import Drifting, Rest
+from modelgen.runtime.identification.elastic.rest import Drifting, Rest, rested
 from modelgen.runtime.identification.elastic.settling import settled_with
-from modelgen.runtime.identification.elastic.starting_springs import springs_pull
-from modelgen.runtime.identification.elastic.steps_about import (
-    fit_about,
-    left_by,
-    moved,
-    rest_with_forces_open,
-    size_of,
-    springs_hold,
-    weighted,
-)
+from modelgen.runtime.identification.elastic.steps_about import OpenRest, left_by, rest_with_forces_open
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import run_wls
 from modelgen.runtime.identification.task import Task
@@ -42,18 +34,11 @@ from modelgen.runtime.identification.thresholds import (
     BETTER_PLACES,
     CUTOFFS_WITHOUT_ESTIMATE,
     FEWEST_SCATTERED,
-    LONGEST_SERIES,
     MORE_STEPS,
-    MOST_STEPS,
-    ONE_WAY,
-    POINT_TOLERANCE,
-    ROUNDING,
-    SAME_RATIO,
     TOLD_APART,
-    WITHIN_NOISE,
 )
 from modelgen.runtime.least_squares.delays import with_holds
-from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open
@@ -90,7 +75,7 @@ def about_the_estimate(task: Task) -> tuple[Task, Drifting | None]:
             short = short or error
             continue
         if found is not None:
-            return found
+            return found if found[1].told else _told_higher(*found, kernel)
     if short is not None:
         raise short
     if len(kernel.rows) < len(task.model.rows):
@@ -103,6 +88,31 @@ def about_the_estimate(task: Task) -> tuple[Task, Drifting | None]:
         "move faster, towards the modes of the arm, give near values as a parameter set, or add encoders on "
         "links",
     )
+
+
+def _told_higher(task: Task, rest: Rest, kernel: DeflectedKernel) -> tuple[Task, Rest]:
+    """Return where rows of a higher cut-off that tell every spring rest, near a place that does not, or that.
+
+    All is to be known better there: what one spring gains may cost all other parameters more.
+    """
+    for one in higher_cutoffs(task, CUTOFFS_WITHOUT_ESTIMATE):
+        with suppress(DataError):
+            found = _at_rest(one, _on_time(one), kernel, (rest.point,), others=False)
+            if (
+                found is not None
+                and found[1].told
+                and _misfit(found[0])[1]
+                and _digits(found[0]) > _digits(task)
+            ):
+                return found[0], replace(found[1], held=rest.held)
+    return task, rest
+
+
+def _digits(task: Task) -> float:
+    """Return how well rows about a place know parameters, less what noise does to them, a mean logarithm."""
+    model, job = task.model, _on_time(task)
+    fit = less_noise(model, job.records, job.choice, run_wls(job)[1])[0]
+    return -0.5 * float(np.mean(np.log(np.maximum(np.diag(hac_covariance(fit)), np.finfo(float).tiny))))
 
 
 def near_by(task: Task) -> Task | None:
@@ -143,7 +153,7 @@ def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
     if held is None or plain is None:
         return plain or (held and (held[0], replace(held[1], held=drives)))
     of_plain, of_held = _misfit(plain[0])[0], _misfit(held[0])[0]
-    if of_plain > of_held + AS_LIKELY:
+    if of_plain > of_held + AS_LIKELY * (1.0 if plain[1].told or not held[1].told else -1.0):
         return held[0], replace(held[1], held=drives)
     alike = (held[1].point - plain[1].point,) if of_held < of_plain + AS_LIKELY else ()
     return plain[0], replace(plain[1], beyond=(*plain[1].beyond, *alike))
@@ -190,11 +200,27 @@ def _searched(task: Task, search: StartedSprings, scattered: bool = True) -> tup
     links of negative inertia, and rows that leave forces open to the place.
     """
     job, kernel = search.job, search.kernel
-    if kernel.speeds:
-        point = search.with_forces_open
-        if point is not None and (not scattered or explains(job, kernel, point)):
-            return _about_rest(task, kernel, Rest(point, np.zeros(len(point)), 0.0))
-    return _at_rest(task, job, kernel, search.places(scattered))
+    opened = search.with_forces_open if kernel.speeds else None
+    if opened is not None and opened.told and (not scattered or explains(job, kernel, opened.point)):
+        return _about_rest(task, kernel, _opened(opened))
+    found = _at_rest(task, job, kernel, search.places(scattered))
+    if opened is None or opened.told:
+        return found
+    return _likelier(found, _about_rest(task, kernel, _opened(opened)))
+
+
+def _opened(at: OpenRest) -> Rest:
+    return Rest(at.point, np.zeros(len(at.point)), 0.0, told=at.told)
+
+
+def _likelier(found: tuple[Task, Rest] | None, untold: tuple[Task, Rest]) -> tuple[Task, Rest]:
+    """Return what was found, unless a place that tells not every spring is clearly more likely.
+
+    Steps of rows that hold all forces ended at another place then, where they tell a wrong one.
+    """
+    if found is None or _misfit(untold[0])[0] < _misfit(found[0])[0] - AS_LIKELY:
+        return untold
+    return found
 
 
 def _on_time(task: Task) -> Job:
@@ -207,17 +233,18 @@ def _at_rest(
 ) -> tuple[Task, Rest] | None:
     """Return the task about where steps from some points rest, and that; springs elsewhere with `others`."""
     opened = rest_with_forces_open(job, kernel, points) if kernel.speeds else None
-    found = None if opened is None else Rest(opened, np.zeros(len(opened)), 0.0)
+    found = _opened(opened) if opened is not None and opened.told else None
     for point in points:
-        found = found or _rested(job, kernel, point)
-    if found is None:
-        return None
-    if kernel.motors_alone and others:
+        found = found or rested(job, kernel, point)
+    if found is not None and kernel.motors_alone and others:
         found = _among_others(job, kernel, found)
-    if kernel.speeds and opened is None:
-        opened = rest_with_forces_open(job, kernel, (found.point,), anyway=True)
-        found = found if opened is None else replace(found, point=opened)
-    return _about_rest(task, kernel, found)
+    if found is not None and kernel.speeds and (opened is None or not opened.told):
+        anyway = rest_with_forces_open(job, kernel, (found.point,), anyway=True)
+        found = found if anyway is None else replace(found, point=anyway.point)
+    told = None if found is None else _about_rest(task, kernel, found)
+    if opened is None or opened.told:
+        return told
+    return _likelier(told, _about_rest(task, kernel, _opened(opened)))
 
 
 def _about_rest(task: Task, kernel: DeflectedKernel, rest: Rest) -> tuple[Task, Rest]:
@@ -230,7 +257,7 @@ def _among_others(job: Job, kernel: DeflectedKernel, found: Rest) -> Rest:
     for _ in range(BETTER_PLACES):
         better, beyond = other_springs(job, kernel, found.point)
         place = None if better is None else settled_with(job, kernel, better, (), MORE_STEPS)
-        rest = None if place is None else _rested(job, kernel, place.point)
+        rest = None if place is None else rested(job, kernel, place.point)
         if rest is None:
             break
         found = rest
@@ -248,53 +275,3 @@ def rows_without(model: Model, kernel: DeflectedKernel) -> Model:
         regressor_columns=tuple(model.regressor_columns[row] for row in left),
         kernel=inner if inner.keys else None,
     )
-
-
-def _rested(job: Job, kernel: DeflectedKernel, point: FloatArray) -> Rest | None:
-    """Return where steps come to rest, None where they do not.
-
-    Nor where a spring pushes, or is more of a damper: the series that says what noise does ends early. Steps
-    one way that shrink slowly, by the same ratio twice, are taken as the sum of their series (Aitken, 1927),
-    and all that is left to go has come to rest. Other steps within the noise that become no smaller, as
-    reversals come and go with the point, are halved.
-    """
-    share, last, seen, slow = 1.0, np.inf, 0.0, Rest(point, np.zeros(len(point)), 0.0)
-    before: tuple[FloatArray, FloatArray] | None = None
-    for _ in range(MOST_STEPS):
-        try:
-            fit = fit_about(job, kernel, point)
-        except IdentifiabilityError:
-            return None
-        change = moved(job.model, kernel, fit, point) - point
-        left = abs(float(fit.triangle[-1, -1]))
-        rounding = ROUNDING * size_of(fit, point + change, job.model)
-        size, series, ratio = size_of(fit, change, job.model), 1.0, 0.0
-        if before is not None and share == 1.0:
-            along = point - before[0]
-            ratio = _slow_ratio(fit, job.model, (along, change, change - before[1]))
-            if ratio and abs(ratio - seen) < SAME_RATIO:
-                series, slow = min(1.0 / (1.0 - ratio), LONGEST_SERIES), Rest(point, along, ratio)
-            seen = ratio if series == 1.0 else 0.0
-        if not ratio and 0.5 * last < size < WITHIN_NOISE * left:
-            share *= 0.5
-        before, last = (point, change), size
-        point = point + share * series * change
-        if not springs_pull(kernel, point):
-            return None
-        if share * size / (1.0 - slow.ratio) <= max(POINT_TOLERANCE * left, rounding):
-            return replace(slow, point=point) if springs_hold(job, kernel, point) else None
-    return None
-
-
-def _slow_ratio(fit: Fit, model: Model, steps: tuple[FloatArray, FloatArray, FloatArray]) -> float:
-    """Return by which ratio steps shrink that go one way slowly, 0 where they do not.
-
-    `steps` are the one taken last, the next, and how much that differs from the full step before.
-    """
-    along, change, bent = (weighted(fit, one, model) for one in steps)
-    length = float(along @ along)
-    sizes = float(np.linalg.norm(along) * np.linalg.norm(change))
-    if not sizes or abs(float(along @ change)) < ONE_WAY * sizes:
-        return 0.0
-    ratio = 1.0 + float(along @ bent) / length
-    return ratio if 0.5 < ratio < 1.0 else 0.0

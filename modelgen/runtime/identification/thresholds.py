@@ -7,6 +7,9 @@ NOTED_DRIFT = 2.0
 NOTED_SHARE = 1e-3
 # A physical parameter from composites needs a relative standard deviation below this.
 LARGEST_PERCENT = 20.0
+# Of a spring that is known less its compliance is known to so many deviations either way, and is no less than
+# this share of what it is: beyond, it may be rigid.
+LIKELY_WITHIN, LEAST_COMPLIANCE = 1.96, 0.1
 
 # Columns that move together leave a parameter without a number from this relative standard deviation in % on.
 WITHOUT_NUMBER_PERCENT = 100.0

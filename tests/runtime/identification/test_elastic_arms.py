@@ -340,7 +340,7 @@ def test_links_are_found_where_springs_are_not(monkeypatch: pytest.MonkeyPatch) 
     """Torques behind the springs: rows of links need no deflection."""
     model, record, truth = made("torques at links")
     record = noisy(model, record, 2)
-    for steps in ("given_positions", "elastic.steps_about"):
+    for steps in ("elastic.rest", "elastic.steps_about"):
         monkeypatch.setattr(f"modelgen.runtime.identification.{steps}.MOST_STEPS", 0)
     found = identify(model, record, "wls", checks=QUICK)
     links = [name for name in truth if name[:2] in ("Iz", "mx", "my")]

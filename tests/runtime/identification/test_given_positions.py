@@ -47,10 +47,10 @@ def rested(monkeypatch: pytest.MonkeyPatch, shares: tuple[float, float, float]) 
     """Return where steps of such a map rest, and how many fits that took."""
     fits: list[np.ndarray] = []
     step = map_of(shares)
-    monkeypatch.setattr(given_positions, "fit_about", lambda job, kernel, point: fits.append(point) or FIT)
-    monkeypatch.setattr(given_positions, "moved", lambda *at: GOAL + step @ (at[-1] - GOAL))
+    monkeypatch.setattr(rest_of_steps, "fit_about", lambda job, kernel, point: fits.append(point) or FIT)
+    monkeypatch.setattr(rest_of_steps, "moved", lambda *at: GOAL + step @ (at[-1] - GOAL))
     kernel: Any = Kernel()
-    return given_positions._rested(JOB, kernel, GOAL + np.array([0.3, -0.2, 0.4])), len(fits)
+    return rest_of_steps.rested(JOB, kernel, GOAL + np.array([0.3, -0.2, 0.4])), len(fits)
 
 
 @pytest.mark.parametrize("share", [0.01, 0.6, 0.86, 0.9])
@@ -102,14 +102,14 @@ def test_rows_with_open_forces_rest_at_their_own_estimate(
     starts = [GOAL + by * np.array([0.6, -0.4, 0.8]) for by in (3.0, 0.5, 1.0)]
     found = steps_about.rest_with_forces_open(JOB, kernel, starts)
     assert found is not None
-    assert np.linalg.norm(found - GOAL) < 5e-3
+    assert np.linalg.norm(found.point - GOAL) < 5e-3
 
 
 def test_steps_within_the_noise_are_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     points = opened(monkeypatch, 100.0, 0.5)
     kernel: Any = Kernel()
     start = GOAL + np.array([0.06, -0.04, 0.08])
-    assert steps_about.rest_with_forces_open(JOB, kernel, [start]) is start
+    assert steps_about.rest_with_forces_open(JOB, kernel, [start]) == (start, True)
     assert len(points) == 1
 
 
@@ -119,7 +119,27 @@ def test_open_forces_make_no_point_better(monkeypatch: pytest.MonkeyPatch) -> No
     kernel: Any = Kernel()
     start = GOAL + np.array([0.4, -0.4, 0.4])
     assert steps_about.rest_with_forces_open(JOB, kernel, [start]) is None
-    assert steps_about.rest_with_forces_open(JOB, kernel, [start], anyway=True) is start
+    assert steps_about.rest_with_forces_open(JOB, kernel, [start], anyway=True) == (start, True)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_steps_within_the_noise_that_go_to_and_fro_come_to_rest(
+    monkeypatch: pytest.MonkeyPatch, told: bool
+) -> None:
+    """Which forces are open changed with the point: two places led to each other for ever."""
+    opened(monkeypatch, 1.0, 1.0)
+    monkeypatch.setattr(steps_about, "_tells_springs", lambda *of: told)
+    apart = np.array([0.006, 0.0, 0.0])
+
+    def to_and_fro(*at: Any) -> np.ndarray:
+        return np.asarray(GOAL - np.sign(at[-1][0] - GOAL[0] - 1e-3) * apart)
+
+    monkeypatch.setattr(steps_about, "moved", to_and_fro)
+    kernel: Any = Kernel()
+    found = steps_about.rest_with_forces_open(JOB, kernel, [GOAL + 0.1])
+    assert found is not None
+    assert found.told == told
+    assert np.linalg.norm(found.point - GOAL) < 0.02
 
 
 def test_noise_moves_the_estimate_by_the_sum_of_its_steps(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -225,6 +245,7 @@ def test_an_estimate_away_from_where_its_rows_are_linear_is_as_uncertain(
     monkeypatch.setattr(rest_of_steps, "hac_covariance", lambda fit: np.eye(3))
     kernel = object.__new__(DeflectedKernel)
     object.__setattr__(kernel, "point", GOAL)
+    object.__setattr__(kernel, "giving", ())
     model: Any = SimpleNamespace(base_parameters=NAMES, kernel=kernel)
     for away, wanted in ((2.0, 0.0), (180.0, 180.0**2)):
         triangle = TRIANGLE.copy()

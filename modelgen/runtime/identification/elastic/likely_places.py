@@ -26,6 +26,7 @@ from modelgen.runtime.identification.elastic.starting_springs import (
     starting_springs,
 )
 from modelgen.runtime.identification.elastic.steps_about import (
+    OpenRest,
     fit_about,
     left_by,
     moved,
@@ -70,8 +71,8 @@ class StartedSprings:
         return places
 
     @cached_property
-    def with_forces_open(self) -> FloatArray | None:
-        """Where rows that leave forces open come to rest, shape (columns,); None where nowhere."""
+    def with_forces_open(self) -> OpenRest | None:
+        """Where rows that leave forces open come to rest; None where nowhere."""
         starts = starting_springs(self.job.model, self.kernel, self.job.records)
         begun = begun_with_forces_open(self.job, self.kernel, starts)
         return rest_with_forces_open(self.job, self.kernel, begun)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,21 +33,32 @@ from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.model.model import Model
 
 
+class OpenRest(NamedTuple):
+    """Where rows that leave forces open come to rest, (columns,) in SI; whether they tell every spring."""
+
+    point: FloatArray
+    told: bool
+
+
 def rest_with_forces_open(
     job: Job, kernel: DeflectedKernel, points: Sequence[FloatArray], anyway: bool = False
-) -> FloatArray | None:
+) -> OpenRest | None:
     """Return where rows that leave forces open come to rest, from where they leave least; None where nowhere.
 
     Where what directions are off by hides the springs, those with all forces come to rest far from it, or
-    nowhere. Nor is that a place where they tell no spring. With `anyway` it is where the first of these ways
-    leaves least, wherever it ends. Points are base parameters, shape (columns,), in SI.
+    nowhere. A place where they tell every stiffness is preferred to what leaves least. With `anyway` it is
+    where the first of these ways leaves least, wherever it ends. Points are base parameters, (columns,) in
+    SI.
     """
     begun = [(one, at) for at in points if (one := tried(job, kernel, at, True)) is not None]
+    untold: tuple[float, OpenRest] | None = None
     for fit, point in sorted(begun, key=lambda one: left_by(one[0])):
         best, found, rests = _downhill(job, kernel, fit, point)
         if anyway or (rests and _tells_springs(job, kernel.at(found, sampled=True), best)):
-            return found
-    return None
+            return OpenRest(found, True)
+        if rests and (untold is None or left_by(best) < untold[0]):
+            untold = left_by(best), OpenRest(found, False)
+    return untold and untold[1]
 
 
 def _tells_springs(job: Job, kernel: DeflectedKernel, fit: Fit) -> bool:
@@ -64,22 +76,26 @@ def _tells_springs(job: Job, kernel: DeflectedKernel, fit: Fit) -> bool:
 def _downhill(job: Job, kernel: DeflectedKernel, fit: Fit, point: FloatArray) -> tuple[Fit, FloatArray, bool]:
     """Return the fit where steps end that leave no more than before, the point, and whether they rest there.
 
-    A step that leaves more than noise explains is halved, and what follows one that did not shrink; which
-    forces are open changes with the point.
+    A step that leaves more than noise explains is halved, and what follows one that did not shrink. Which
+    forces are open changes with the point: steps within the noise may go to and fro between two places
+    for ever, and are shortened until they rest.
     """
     share, last, best = 1.0, np.inf, fit
+    before, shortened = np.zeros(len(fit.columns)), 1.0
     for _ in range(MOST_STEPS):
         change = moved(job.model, kernel, best, point) - point
         noise = abs(float(best.triangle[-1, -1])) * np.sqrt(len(best.columns) / best.count)
         rounding = ROUNDING * size_of(best, point + change, job.model)
-        size = size_of(best, change, job.model)
-        if size < max(WITHIN_NOISE * noise, rounding):
+        along, size = weighted(best, change, job.model), size_of(best, change, job.model)
+        if size < noise and along.shape == before.shape and along @ before < 0.0:
+            shortened *= 0.5
+        if shortened * size < max(WITHIN_NOISE * noise, rounding):
             return best, point, True
-        ahead = tried(job, kernel, point + share * change, sampled=True)
+        ahead = tried(job, kernel, point + shortened * share * change, sampled=True)
         if ahead is not None and best.count * (left_by(ahead) - left_by(best)) < AS_LIKELY:
-            point = point + share * change
+            point = point + shortened * share * change
             share = min(1.0, 2.0 * share) if size < last else 0.5 * share
-            best, last = ahead, size
+            best, last, before = ahead, size, along
         else:
             share *= 0.5
         if share < SHORTEST_STEP:
