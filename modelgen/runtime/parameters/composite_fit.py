@@ -116,12 +116,15 @@ def _known_anywhere(model: Model, identified: IntArray) -> list[bool]:
     """Return which parameters the identified base ones determine at a point that is nothing special.
 
     Where the fit ends at a body of no size, what moves with that body does not show: its share of the others
-    is none there, of sizes that a machine has it is not.
+    is none there, of sizes that a machine has it is not. A gear makes it small in any case: neither rows nor
+    columns count by their size.
     """
     sizes = np.random.default_rng(SEED).uniform(1.0, 2.0, len(model.parameters))
     slope = model.base_jacobian(dict(zip(model.parameters, sizes.tolist(), strict=True)))[identified] * sizes
-    length = np.linalg.norm(slope, axis=1, keepdims=True)
-    return _known(slope / np.where(length > 0.0, length, 1.0))
+    for axis in (1, 0):
+        length = np.linalg.norm(slope, axis=axis, keepdims=True)
+        slope = slope / np.where(length > 0.0, length, 1.0)
+    return _known(slope)
 
 
 def _known(slope: FloatArray) -> list[bool]:

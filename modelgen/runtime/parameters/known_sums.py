@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -34,19 +34,38 @@ def with_known_sums(
     names = [name for name in doubtful if name in model.roles and model.roles[name].role == "inertia"]
     if solution is None or len(names) < 2 or not all(name in solution.determined for name in names):
         return told
-    shares = _felt_shares(model, solution.values, names)
+    values = {name: solution.values[name] for name in names}
+
+    def spread(shares: FloatArray) -> float:
+        gradient = shares @ np.array([solution.gradients[name] for name in names])
+        return found.factor * covariances.standard_deviations(gradient)[0]
+
+    text = known_sum(model, solution.values, values, spread)
+    return told | ({name: f"{doubtful[name]}; {text}" for name in names} if text else {})
+
+
+def known_sum(
+    model: Model,
+    chain: Mapping[str, float],
+    inertias: Mapping[str, float],
+    spread: Callable[[FloatArray], float],
+) -> str | None:
+    """Return what is known of inertias (SI) as they move together, in words; None if too little.
+
+    `chain` holds parameters (SI) that it can be simulated with. `spread` takes the share, (n,), of each that
+    the body of the first one carries to the standard deviation of their sum.
+    """
+    names = list(inertias)
+    shares = _felt_shares(model, chain, names)
     if shares is None:
-        return told
-    gradient = shares @ np.array([solution.gradients[name] for name in names])
-    total = float(shares @ np.array([solution.values[name] for name in names]))
-    std, *others = (found.factor * one for one in covariances.standard_deviations(gradient))
-    entry = Parameter("", model.units.get(names[0], ""), total, std, *others)
+        return None
+    total, std = float(shares @ np.array([*inertias.values()])), spread(shares)
+    entry = Parameter("", model.units.get(names[0], ""), total, std, std, 0.0, std)
     if not 0.0 < entry.relative_std < KNOWN_SUM_PERCENT:
-        return told
+        return None
     parts = zip(shares.tolist(), names, strict=True)
     terms = " + ".join(name if share == 1.0 else f"{share:.4g} {name}" for share, name in parts)
-    text = f"{terms} = {with_interval(total, *entry.interval())} {entry.unit} is known"
-    return told | {name: f"{doubtful[name]}; {text}" for name in names}
+    return f"{terms} = {with_interval(total, *entry.interval())} {entry.unit} is known"
 
 
 def _felt_shares(model: Model, values: Mapping[str, float], names: list[str]) -> FloatArray | None:

@@ -14,8 +14,10 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filters.power_spectrum import share_below
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.mechanical_parts import Sensor
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.known_sums import known_sum
 from modelgen.runtime.parameters.thresholds import STEADY_BAND, STEADY_SHARE
 from modelgen.runtime.records.record import Record
 
@@ -41,24 +43,50 @@ def not_identifiable(
 def like_delays(model: Model, fit: Fit) -> dict[str, str]:
     """Return the base parameters of what cannot be distinguished from delays of forces, with that reason.
 
-    Friction of such a body without a sensor has none either: the direction of the dry one is that of a
-    simulation, and the viscous one takes what that has wrong.
+    Dry friction of such a body without a sensor has none either: its direction is that of a simulation. Nor
+    has viscous friction then, which takes what that has wrong. The reason names the sum of inertias where
+    that is known all the same.
     """
     unknown = [name for name in fit.unknown if name in model.parameters]
     if not unknown:
         return {}
     seen = {sensor.body for sensor in model.sensors}
     lost = {body for name in unknown if name in model.roles for body in model.roles[name].bodies} - seen
-    unknown += [
-        name
+    friction = {
+        name: role.role
         for name, role in model.roles.items()
         if role.role in ("viscous", "coulomb") and lost & {*role.bodies}
-    ]
+    }
+    if "coulomb" in friction.values():
+        unknown += friction
     _, slopes = _anywhere(model)
     places = [model.parameters.index(name) for name in unknown]
     delays = ", ".join(channel for channel, _, _ in fit.delays)
-    why = f"cannot be distinguished from the delay of {delays} in these records"
+    why = f"cannot be distinguished from the delay of {delays} in these records{_beside(model, fit)}"
     return {name: why for name, row in zip(model.base_parameters, slopes, strict=True) if np.any(row[places])}
+
+
+def _beside(model: Model, fit: Fit) -> str:
+    """Return what is known of the inertias of a chain that is not, to be said behind a reason."""
+    carried = fit.carried
+    names = [name for name, role in model.roles.items() if role.role == "inertia"]
+    if carried is None or carried.at is None or len(names) < 2:
+        return ""
+    columns, covariance = carried.linear.columns, hac_covariance(carried.linear)
+    values = dict(zip(model.parameters, carried.at.tolist(), strict=True))
+
+    def spread(shares: FloatArray) -> float:
+        sums = np.zeros(len(columns))
+        sums[[columns.index(name) for name in names]] = shares
+        if carried.linear.solution.unseen(sums[None])[0]:
+            return np.inf
+        return float(np.sqrt(max(float(sums @ covariance @ sums), 0.0)))
+
+    # how bodies of a chain move together is no matter of their sizes
+    text = known_sum(
+        model, dict.fromkeys(model.parameters, 1.0), {name: values[name] for name in names}, spread
+    )
+    return f"; {text}" if text else ""
 
 
 def _anywhere(model: Model) -> tuple[dict[str, float], FloatArray]:

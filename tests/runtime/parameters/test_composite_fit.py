@@ -45,3 +45,20 @@ def test_all_composites_determine_all(model: Model) -> None:
 def test_a_body_of_no_size_hides_nothing_of_what_is_open(model: Model, motor: float) -> None:
     assert "J_m*J_l/K" in model.base_parameters
     assert left_open(model, motor, "J_m*J_l/K") == {"J_m", "J_l", "D", "K"}
+
+
+def test_a_gear_hides_nothing_of_what_is_open() -> None:
+    screw = """
+chain = { name = "screw", motion = "rotation" }
+bodies = [{ name = "m", inertia = "J_m", actuator = "T" }, { name = "l", inertia = "J_l" }]
+links = [{ bodies = ["m", "l"], stiffness = "K", damping = "D", ratio = 2000.0 }]
+[sensors.motor]
+q_m = { body = "m", measures = "position" }
+"""
+    geared = model_from_text(generate(parse_spec(screw, "screw.toml"), "motor"))
+    base = geared.base_from_physical(TRUTH)
+    base[[name != "J_m + 1/4000000*J_l" for name in geared.base_parameters]] = np.nan
+    assert np.isfinite(base).any()
+    solution = fit_composites(geared, base, np.diag((1e-3 * base[np.isfinite(base)]) ** 2), TRUTH)
+    # a sum with a four-millionth of the other inertia says nothing of either alone
+    assert solution.determined == frozenset()

@@ -11,6 +11,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_fi
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import fit_matched
 from modelgen.runtime.model.model import Model, model_from_module
+from modelgen.runtime.parameters import unanswered_columns
 from modelgen.runtime.parameters.unanswered_columns import (
     columns_that_vanish,
     friction_without_steady_motion,
@@ -149,7 +150,7 @@ q_b = { body = "b", measures = "position" }
 
 def test_what_cannot_be_told_from_a_delay_is_refused_with_all_that_holds_it() -> None:
     def fit(*unknown: str) -> SimpleNamespace:
-        return SimpleNamespace(unknown=unknown, delays=(("i", 2e-5, 1e-6),))
+        return SimpleNamespace(unknown=unknown, delays=(("i", 2e-5, 1e-6),), carried=None)
 
     reasons = like_delays(BENCH, fit("Jc", "K", "i"))  # type: ignore[arg-type]
     assert set(reasons) == {"Jc", "K"}
@@ -164,3 +165,32 @@ def test_what_cannot_be_told_from_a_delay_is_refused_with_all_that_holds_it() ->
     motor = spec_model(parse_spec(GEAR, "gear.toml"), "load")
     assert not {"Fv_a", "Fc_a"} & set(like_delays(motor, fit("J_b")))  # type: ignore[arg-type]
     assert {"Fv_a", "Fc_a"} <= set(like_delays(motor, fit("J_a")))  # type: ignore[arg-type]
+    # viscous friction alone is as well known as what else moves in step
+    smooth = spec_model(parse_spec(GEAR.replace(', coulomb = "Fc_a"', ""), "gear.toml"), "load")
+    assert "Fv_a" not in like_delays(smooth, fit("J_a"))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("together", "known"), [(1e-3, True), (0.5, False)])
+def test_a_sum_of_inertias_that_no_delay_hides_is_told(together: float, known: bool) -> None:
+    model = spec_model(parse_spec(GEAR.replace(', coulomb = "Fc_a"', ""), "gear.toml"), "load")
+    places = {name: place for place, name in enumerate(model.parameters)}
+    # J_b is known to ten times its size, and what it lacks is in J_a, which feels a hundredth of it
+    at = np.ones(len(places))
+    at[places["J_b"]] = 10.0
+    error = np.zeros(len(places))
+    error[places["J_a"]], error[places["J_b"]] = -1.0, 100.0
+    sums = np.zeros(len(places))
+    sums[places["J_a"]] = together
+    columns, series = (*model.parameters, "delay of T"), np.zeros((2, len(places) + 1))
+    series[0, :-1], series[1, :-1] = error, sums
+    linear = SimpleNamespace(
+        columns=columns, solution=SimpleNamespace(unseen=lambda _: np.zeros(1, dtype=bool))
+    )
+    carried = SimpleNamespace(at=at, linear=linear)
+    lost = SimpleNamespace(unknown=("J_b", "K"), delays=(("T", 0.0, 1e-5),), carried=carried)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(unanswered_columns, "hac_covariance", lambda _: series.T @ series)
+        reasons = like_delays(model, lost)  # type: ignore[arg-type]
+    (why,) = {*reasons.values()}
+    assert why.startswith("cannot be distinguished from the delay of T in these records")
+    assert ("J_a + 0.01 J_b = 1.100" in why) == known

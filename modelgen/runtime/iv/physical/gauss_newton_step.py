@@ -105,6 +105,13 @@ class GaussNewtonStep:
         spread[self.free] = np.sqrt(np.maximum(np.diag(hac_covariance(self.white)), 0.0))
         return spread
 
+    @property
+    def uncertainty(self) -> FloatArray:
+        """`spread` in SI, without end where rows are short of rank and know nothing of a column; (c,)."""
+        uncertainty = self.spread
+        uncertainty[np.array(self.free)[self.white.solution.undetermined]] = np.inf
+        return uncertainty
+
 
 def possible_solution(step: GaussNewtonStep, model: Model, p: FloatArray) -> FloatArray:
     """Return the solution of a step from p, (parameters,), without Coulomb friction that cannot be; (c,).

@@ -163,7 +163,7 @@ def fit_physical_iv(
         small = np.maximum(still * spread, SMALL_CHANGE * size)
         hopeless = spread > HOPELESS * np.r_[np.abs(x[:c]), np.full(late + len(now.sizes), np.inf)]
         if near and done > 1 and np.all((np.abs(move) <= small) | hopeless):
-            lost, fit = _lost(setting, now, spread[: c + late]), in_base_columns(step, now, done)
+            lost, fit = _lost(setting, now, step.uncertainty[: c + late]), in_base_columns(step, now, done)
             refuse_emptied(model, first, now.p, lost, plain)
             if late and fit.carried is not None:
                 fit = replace(fit, carried=replace(fit.carried, unknown=lost))

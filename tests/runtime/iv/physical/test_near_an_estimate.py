@@ -104,7 +104,7 @@ def test_steps_that_creep_go_on_and_others_end(
 
     def step(_: Setting, __: object, now: Unknowns, *more: object) -> SimpleNamespace:
         spread = 1e-6 * np.abs(now.p)
-        return SimpleNamespace(x=now.p + next(waiting) * spread, spread=spread, left=0.0)
+        return SimpleNamespace(x=now.p + next(waiting) * spread, spread=spread, uncertainty=spread, left=0.0)
 
     def counted(_: object, __: object, done: int) -> SimpleNamespace:
         told.append(done)

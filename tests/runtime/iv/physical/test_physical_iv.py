@@ -5,9 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from generated import emps300_qm_qc
-from modelgen.runtime.iv.physical.gauss_newton_step import Unknowns
+from modelgen.runtime.iv.physical import gauss_newton_step
+from modelgen.runtime.iv.physical.gauss_newton_step import GaussNewtonStep, Unknowns
 from modelgen.runtime.iv.physical.physical_iv import _lost, _restless
 from modelgen.runtime.model.model import model_from_module
 
@@ -41,3 +43,14 @@ def test_a_body_that_vanishes_beside_a_delay_is_lost_with_its_link() -> None:
     gone = ("J_c", "F_vmc", "K")
     assert _lost(setting, Unknowns(values, {"Gamma_m": 2e-5}), spread) == gone  # type: ignore[arg-type]
     assert _lost(setting, Unknowns(values, {}), spread[:-1]) == ()  # type: ignore[arg-type]
+
+
+def test_of_columns_beyond_the_rank_of_the_rows_nothing_is_known() -> None:
+    solution = SimpleNamespace(undetermined=np.array([False, True]), inverse=np.eye(2))
+    linear = SimpleNamespace(columns=("a", "held", "b"))
+    white = SimpleNamespace(columns=("a", "b"), solution=solution)
+    step = GaussNewtonStep(white, (), np.eye(2), linear, white, ())  # type: ignore[arg-type]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(gauss_newton_step, "hac_covariance", lambda _: np.diag([4.0, 0.0]))
+        assert step.spread.tolist() == [2.0, 0.0, 0.0]
+        assert step.uncertainty.tolist() == [2.0, 0.0, np.inf]
