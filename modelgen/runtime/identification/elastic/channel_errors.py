@@ -13,6 +13,7 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.identification.elastic.encoder_zeros import deflecting, encoder_zeros
 from modelgen.runtime.identification.elastic.force_lags import force_lags, is_lag
 from modelgen.runtime.identification.elastic.row_forces import RowForce
+from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     HALF_SAMPLE,
     LEAST_ALIGNED_GAIN,
@@ -246,3 +247,33 @@ def tried_size(effect: Effect, record: Record) -> float:
     if is_lag(effect):
         return 0.5 * (TRIED_SAMPLES / record.fs) ** 2
     return TRIED_ZERO * (record.facts.extent(effect.channel).span or 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Aligned:
+    """Where steps came to rest: the task with records set right, by what, and what rows leave."""
+
+    task: Task
+    known: dict[Effect, float]
+    right: SetRight
+    misfit: float
+
+    @property
+    def commands(self) -> tuple[Effect, ...]:
+        """Delays by which forces are early by half a sample: their own, or one of all other channels."""
+        own = tuple(one for one, size in self.known.items() if by_half(one, size, self.task.records))
+        drives = forces_of_drives(self.task.model)
+        read = set(self.task.model.channels).difference(drives)
+        late = {one: size for one, size in self.known.items() if one.kind == "delay" and one.channel in read}
+        if own or not drives or len(late) < len(read):
+            return own
+        force, sizes = delay_effect(drives[0]), tuple(late.values())
+        alike = (max(sizes) - min(sizes)) * self.task.records[0].fs < HALF_SAMPLE
+        return tuple(late) if alike and by_half(force, -float(np.mean(sizes)), self.task.records) else ()
+
+    @property
+    def early(self) -> tuple[str, ...]:
+        """Forces that are early by half a sample, by their channels."""
+        drives = forces_of_drives(self.task.model)
+        own = tuple(one.channel for one in self.commands if one.channel in drives)
+        return own or (drives if self.commands else ())

@@ -8,7 +8,7 @@ channels by large stiffnesses: half a sample of a force that a drive holds is a 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from numbers import Real
 
@@ -18,8 +18,8 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.identification.cutoffs.choose_cutoff import part_tried
 from modelgen.runtime.identification.elastic.channel_errors import (
+    Aligned,
     SetRight,
-    by_half,
     channel_errors,
     forces_of_drives,
     resolved,
@@ -29,7 +29,7 @@ from modelgen.runtime.identification.elastic.channel_errors import (
 from modelgen.runtime.identification.elastic.command_times import CommandTimes, times_of_commands
 from modelgen.runtime.identification.elastic.effect_rows import EffectRows
 from modelgen.runtime.identification.elastic.encoder_zeros import EncoderZero, of_other_records
-from modelgen.runtime.identification.elastic.force_gains import force_gains
+from modelgen.runtime.identification.elastic.force_gains import ForceGain, force_gains
 from modelgen.runtime.identification.elastic.joint_effects import joint_effects
 from modelgen.runtime.identification.elastic.link_forces import link_forces
 from modelgen.runtime.identification.elastic.row_forces import RowForce, row_forces
@@ -40,12 +40,11 @@ from modelgen.runtime.identification.thresholds import (
     ALIGNING_ROUNDS,
     ALIGNMENT_AT_REST,
     AS_LIKELY,
-    HALF_SAMPLE,
     NEARLY_AT_REST,
     PATIENT_ALIGNING,
+    TOLD_APART,
 )
 from modelgen.runtime.iv.effect import Effect
-from modelgen.runtime.iv.model_errors import delay_effect
 from modelgen.runtime.least_squares.delays import with_holds
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
@@ -102,9 +101,9 @@ def _holding(
     task: Task,
     again: Again,
     every: tuple[Effect, ...],
-    near: tuple[_Aligned | None, Begun],
+    near: tuple[Aligned | None, Begun],
     looked: CommandTimes | None,
-) -> _Aligned | None:
+) -> Aligned | None:
     """Return where steps rest of rows of held commands, if these are as likely as those that are not.
 
     `near` is what was found without, and what that began with.
@@ -131,7 +130,7 @@ def _holding(
     return None
 
 
-def _most_left(found: _Aligned | None, looked: CommandTimes | None) -> float:
+def _most_left(found: Aligned | None, looked: CommandTimes | None) -> float:
     """Return what rows of held commands may leave at most, to be as likely as those that are not."""
     if found is not None and found.commands:
         return found.misfit + AS_LIKELY * len(found.commands)
@@ -139,7 +138,7 @@ def _most_left(found: _Aligned | None, looked: CommandTimes | None) -> float:
     return min(plain, np.inf if found is None else found.misfit) - AS_LIKELY
 
 
-def _held(found: _Aligned) -> list[tuple[str, ...]]:
+def _held(found: Aligned) -> list[tuple[str, ...]]:
     """Return forces that may be held commands, likely ones first; none where none is early by half a sample.
 
     Drives of a machine mostly do the same: one whose noise hides its half sample made a rotor 20 % too light.
@@ -148,36 +147,6 @@ def _held(found: _Aligned) -> list[tuple[str, ...]]:
     late = {one.channel for one in found.known if one.kind == "delay"}.difference(early)
     every = (*early, *(key for key in forces_of_drives(found.task.model) if key not in late.union(early)))
     return list(dict.fromkeys((every, early))) if early else []
-
-
-@dataclass(frozen=True, eq=False)
-class _Aligned:
-    """Where steps came to rest: the task with records set right, by what, and what rows leave."""
-
-    task: Task
-    known: dict[Effect, float]
-    right: SetRight
-    misfit: float
-
-    @property
-    def commands(self) -> tuple[Effect, ...]:
-        """Delays by which forces are early by half a sample: their own, or one of all other channels."""
-        own = tuple(one for one, size in self.known.items() if by_half(one, size, self.task.records))
-        drives = forces_of_drives(self.task.model)
-        read = set(self.task.model.channels).difference(drives)
-        late = {one: size for one, size in self.known.items() if one.kind == "delay" and one.channel in read}
-        if own or not drives or len(late) < len(read):
-            return own
-        force, sizes = delay_effect(drives[0]), tuple(late.values())
-        alike = (max(sizes) - min(sizes)) * self.task.records[0].fs < HALF_SAMPLE
-        return tuple(late) if alike and by_half(force, -float(np.mean(sizes)), self.task.records) else ()
-
-    @property
-    def early(self) -> tuple[str, ...]:
-        """Forces that are early by half a sample, by their channels."""
-        drives = forces_of_drives(self.task.model)
-        own = tuple(one.channel for one in self.commands if one.channel in drives)
-        return own or (drives if self.commands else ())
 
 
 def _with_zeros(task: Task, again: Again, zeros: Sequence[Effect]) -> Begun:
@@ -209,7 +178,7 @@ def _with_holds(
     candidates: tuple[Effect, ...],
     near: Begun,
     commands: Collection[Effect] = (),
-) -> _Aligned | None:
+) -> Aligned | None:
     """Return where steps rest of the same task with forces held, whose delays are looked for anew.
 
     Of what was found without, which is `near`, only delays by half a sample, `commands`, are dropped; unless
@@ -227,7 +196,7 @@ def _with_holds(
 
 def _come_to_rest(
     task: Task, again: Again, candidates: tuple[Effect, ...], begun: Begun, held: bool = False
-) -> _Aligned | None:
+) -> Aligned | None:
     """Return where steps of what is off come to rest; None where nothing is, or they do not.
 
     They begin with a task whose records have been set right, and by what. Of forces that are `held` nothing
@@ -256,9 +225,12 @@ def _come_to_rest(
         before = {one: size for one, (size, _) in steps.items()}
         known = {one: known.get(one, 0.0) + length * size for one, size in before.items()}
         right = joint.told(known, held)
-        told = {one: size for one, size in known.items() if not isinstance(one, EncoderZero)}
-        doubtful = [one for one, size in told.items() if abs(size) < ALIGNED_APART * steps[one][1]]
-        doubtful += [one for one, size in told.items() if not resolved(one, size, task.records)]
+        doubtful = _doubtful(known, steps, task.records)
+        if rests:
+            # noise may be as much of rows as what tells a gain
+            gains = [one for one in doubtful if isinstance(one, ForceGain)]
+            likelier = [one for one in gains if _likelier_with(one, task, now, rows, known)]
+            doubtful = [one for one in doubtful if one not in likelier]
         if rests and doubtful:
             # it stood in for another one, and is not looked for again
             known = {one: size for one, size in known.items() if one is not doubtful[0]}
@@ -272,8 +244,26 @@ def _come_to_rest(
             now, moves = changed or corrected, changed is not None
             rows = EffectRows(now.job, rows.effects, read=task.records, undone=known)
         if rests and looked and not doubtful:
-            return _Aligned(now, known, right, joint.fit.misfit)
+            return Aligned(now, known, right, joint.fit.misfit)
     return None
+
+
+def _doubtful(
+    known: Mapping[Effect, float], steps: Mapping[Effect, tuple[float, float]], records: Sequence[Record]
+) -> list[Effect]:
+    """Return what is within few deviations, those of its `steps`, or less than records resolve."""
+    told = {one: size for one, size in known.items() if not isinstance(one, EncoderZero)}
+    doubtful = [one for one, size in told.items() if abs(size) < ALIGNED_APART * steps[one][1]]
+    return [*doubtful, *(one for one, size in told.items() if not resolved(one, size, records))]
+
+
+def _likelier_with(
+    one: Effect, task: Task, now: Task, rows: EffectRows, known: Mapping[Effect, float]
+) -> bool:
+    """Tell whether rows leave clearly less with an effect that is known, whatever its deviation is."""
+    others = {other: size for other, size in known.items() if other is not one}
+    without = EffectRows(_corrected(task, others, now.model).job, tuple(others)).solved([*others])
+    return without.misfit > rows.solved([*others]).misfit + TOLD_APART
 
 
 def _corrected(task: Task, sizes: Mapping[Effect, float], model: Model) -> Task:

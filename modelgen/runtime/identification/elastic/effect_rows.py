@@ -62,9 +62,8 @@ class EffectRows:
     def without(self, effect: Effect) -> EffectRows:
         """Return the same rows without the column of an effect, and of others of its name."""
         left = replace(self, effects=tuple(one for one in self.effects if one.name != effect.name))
-        for made in ("rows", "_pull"):
-            if made in vars(self):
-                vars(left)[made] = vars(self)[made]
+        if "rows" in vars(self):
+            vars(left)["rows"] = self.rows
         return left
 
     def grown(self, fit: Fit, effects: Sequence[Effect]) -> list[tuple[FloatArray, ...]]:
@@ -77,31 +76,32 @@ class EffectRows:
     def pull(self, fit: Fit, columns: Sequence[str]) -> FloatArray:
         """Return what noise adds to the products of columns with Y - W X, shape (columns,), in SI.
 
-        Rows are weighted as in the fit where that is known to matter: the column of a lag takes noise of its
-        force, and by that its row weighs more.
+        Rows are weighted as in the fit: what half a sample of a force leaves had a row weigh an eighth, and
+        what noise does to gains of forces came out as a sixth.
         """
         job, read = self.job, self.read or self.job.records
+        freed, noise = less_noise(job.model, job.records, job.choice, fit)
+        R = fit.triangle[:-1, :-1]
+        own = R.T @ (R @ np.where(np.isfinite(noise.bias), noise.bias, 0.0))
+        added = dict(zip(fit.columns, own.tolist(), strict=True))
+        # what an effect is like and noise adds on average: zeros of encoders where noisy speeds are squared
+        blocks = self._blocks(fit)
+        names = [effect.name for effect in self.effects]
+        along = lifted_along(job.model, job.records, job.choice, freed, blocks)
+        added |= dict(zip(names, along.tolist(), strict=True))
         lags = {one.name: one for one in self.effects if is_lag(one)}
-        found = np.array([self._pull.get(name, 0.0) for name in columns])
+        found = np.array([added.get(name, 0.0) for name in columns])
         for place, name in enumerate(columns):
             if name in lags:
                 undone = self.undone.get(lags[name], 0.0)
                 found[place] += noise_along_lag(job.model, read, job.choice, fit, lags[name], undone)
         return found
 
-    @cached_property
-    def _pull(self) -> dict[str, float]:
-        plain, job = self.solved(()), self.job
-        freed, noise = less_noise(job.model, job.records, job.choice, plain)
-        R = plain.triangle[:-1, :-1]
-        pull = R.T @ (R @ np.where(np.isfinite(noise.bias), noise.bias, 0.0))
-        # what an effect is like and noise adds on average: zeros of encoders where noisy speeds are squared
-        names = [effect.name for effect in self.effects]
-        places = [self.rows.columns.index(name) for name in names]
-        used = {(block.record, block.row): block.chosen(places) for block in self.rows.blocks}
-        blocks = [used[block.record, block.row] for block in plain.blocks]
-        along = lifted_along(job.model, job.records, job.choice, freed, blocks)
-        return dict(zip((*plain.columns, *names), (*pull.tolist(), *along.tolist()), strict=True))
+    def _blocks(self, fit: Fit) -> list[RowBlock]:
+        """Return the columns of effects in the blocks of a fit of these rows."""
+        places = [self.rows.columns.index(effect.name) for effect in self.effects]
+        used = {(block.record, block.row): block for block in self.rows.blocks}
+        return [used[block.record, block.row].chosen(places) for block in fit.blocks]
 
     @cached_property
     def rows(self) -> Observation:

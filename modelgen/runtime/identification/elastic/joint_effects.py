@@ -29,6 +29,7 @@ from modelgen.runtime.identification.thresholds import (
     LEFT_BIAS,
     MORE_CERTAIN,
     SAME_PART,
+    TOLD_APART,
 )
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.score_tests import Score, Span, scores, stacked
@@ -61,6 +62,12 @@ class JointEffects:
         if is_lag(effect):
             size, pulled = size - pulled, LEFT_BIAS * pulled
         return size, float(np.hypot(self._spread[place], pulled))
+
+    def shows(self, effect: Effect) -> bool:
+        """Tell whether the further size of an effect, less what noise pulls it by, is certain."""
+        place = self.fit.columns.index(effect.name)
+        size = float(self.fit.solution.x[place]) - self._pulled(place)
+        return abs(size) > ALIGNED_APART * float(self._spread[place])
 
     @cached_property
     def _covariance(self) -> FloatArray:
@@ -192,18 +199,36 @@ def joint_effects(rows: EffectRows, known: Sequence[Effect], rests: bool) -> Joi
         told = [one for one in told if not (late and one.effect.kind == "delay")]
         if all_but_one(chosen, model):
             told = [one for one in told if not isinstance(one.effect, ForceGain)]
-        if not told:
+        first = _first(told, forces) if told else _likelier_gain(rows, fit, chosen) if rests else None
+        if first is None:
             return JointEffects(fit, tuple(chosen), rows)
-        first = _first(told, forces)
         tried = rows.solved([*chosen, first])
         if tried.misfit > fit.misfit:
             rows = rows.without(first)
             continue
         chosen, fit = [*chosen, first], tried
-        if told[0].explained > LARGE_PART:
+        if told and told[0].explained > LARGE_PART:
             # what it hid from least squares, as a spring, is in its column
             rows = rows.about(fit)
             fit = rows.solved(chosen)
+
+
+def _likelier_gain(rows: EffectRows, fit: Fit, chosen: Sequence[Effect]) -> Effect | None:
+    """Return the gain of a force with which rows are most likely, if clearly more so than without; or None.
+
+    In rows of a wide band noise of accelerations is as much of a link as what tells a gain: what it explains
+    is not certain then, but rows leave much less with it, and noise does less than that. Weights that are not
+    those of the noise leave more alone, too.
+    """
+    least, best = fit.misfit - TOLD_APART, None
+    gains = [one for one in rows.effects if isinstance(one, ForceGain) and one not in chosen]
+    for one in gains if not all_but_one(chosen, rows.job.model) else ():
+        tried = rows.solved([*chosen, one])
+        if tried.misfit < least and one.name in tried.columns:
+            joint = JointEffects(tried, (*chosen, one), rows)
+            if joint.shows(one) and _within(one, joint.step(one)[0], rows.job.records):
+                least, best = tried.misfit, one
+    return best
 
 
 def _first(told: Sequence[Score], forces: Container[str]) -> Effect:

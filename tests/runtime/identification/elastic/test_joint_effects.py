@@ -6,13 +6,19 @@ from collections.abc import Iterator, Sequence
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from modelgen.runtime.identification.elastic import aligned_channels, joint_effects
+from modelgen.runtime.identification.elastic import aligned_channels, channels_set_right, joint_effects
+from modelgen.runtime.identification.elastic.effect_rows import EffectRows
 from modelgen.runtime.identification.elastic.force_gains import force_gains
+from modelgen.runtime.identification.methods import WLS
+from modelgen.runtime.identification.options import CheckOptions, Filters
+from modelgen.runtime.identification.task import prepared
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.model_errors import delay_effect
-from tests.runtime.identification.elastic.test_channels_set_right import made
+from modelgen.runtime.records.record import Record
+from tests.runtime.identification.elastic.test_channels_set_right import FS, made
 
 MODEL = made()[0]
 GAIN, LATE = next(iter(force_gains(MODEL))), delay_effect("tau_1")
@@ -23,7 +29,7 @@ class Rows:
 
     def __init__(self, effects: Sequence[Effect], worse: float) -> None:
         self.effects, self.worse = tuple(effects), worse
-        self.job = SimpleNamespace(model=MODEL)
+        self.job = SimpleNamespace(model=MODEL, records=())
 
     def solved(self, effects: Sequence[Effect]) -> Any:
         misfit = sum(self.worse if one is GAIN else -10.0 for one in effects)
@@ -47,6 +53,65 @@ def test_what_makes_rows_less_likely_is_not_taken(
     monkeypatch.setattr(joint_effects, "_shown", shown)
     rows: Any = Rows((GAIN, LATE), worse)
     assert joint_effects.joint_effects(rows, (), rests=True).effects == taken
+
+
+@pytest.mark.parametrize(
+    ("better", "size", "taken"), [(500.0, 0.03, True), (20.0, 0.03, False), (500.0, 0.01, False)]
+)
+def test_a_gain_with_which_rows_are_far_likelier_is_taken(
+    monkeypatch: pytest.MonkeyPatch, better: float, size: float, taken: bool
+) -> None:
+    """Noise of a link's accelerations hid a torque constant 5 % off: a stiffness was 192 deviations off."""
+    monkeypatch.setattr(joint_effects, "_shown", lambda *of: iter(()))
+    monkeypatch.setattr(joint_effects.JointEffects, "_spread", property(lambda self: np.array([0.004])))
+    monkeypatch.setattr(joint_effects.JointEffects, "_pulled", lambda self, place: 0.0)
+    rows: Any = Rows((GAIN,), -better)
+    solved = rows.solved
+
+    def sized(effects: Sequence[Effect]) -> Any:
+        fit = solved(effects)
+        fit.solution = SimpleNamespace(x=np.full(len(effects), size))
+        return fit
+
+    rows.solved = sized
+    assert (joint_effects.joint_effects(rows, (), rests=True).effects == (GAIN,)) == taken
+    assert not joint_effects.joint_effects(rows, (), rests=False).effects
+
+
+def test_what_rows_are_far_likelier_with_is_not_doubted(monkeypatch: pytest.MonkeyPatch) -> None:
+    def rows_of(job: float, effects: Any) -> Any:
+        return SimpleNamespace(solved=lambda sizes: SimpleNamespace(misfit=job))
+
+    monkeypatch.setattr(channels_set_right, "EffectRows", rows_of)
+    now, known = SimpleNamespace(model=MODEL), {GAIN: 0.03, LATE: 1e-3}
+    for left, likelier in ((500.0, True), (20.0, False)):
+        undone: list[Any] = []
+
+        def corrected(
+            task: Any, sizes: Any, model: Any, undone: list[Any] = undone, left: float = left
+        ) -> Any:
+            undone.append(sizes)
+            return SimpleNamespace(job=left)
+
+        monkeypatch.setattr(channels_set_right, "_corrected", corrected)
+        given: Any = (GAIN, None, now, rows_of(0.0, ()), known)
+        assert channels_set_right._likelier_with(*given) == likelier
+        assert undone == [{LATE: 1e-3}]
+
+
+def test_noise_pulls_rows_with_the_weights_of_their_fit() -> None:
+    """What half a sample of a force left had its row weigh an eighth, and gains seemed free of noise."""
+    model, read, _ = made()
+    late = {key: np.roll(read[key], 4) for key in ("tau_1", "tau_2")}
+    job = prepared(model, [Record(read | late, FS, "late")], WLS(), Filters(), CheckOptions()).job
+    delays = tuple(delay_effect(key) for key in late)
+    rows = EffectRows(job, delays)
+    alone, beside = rows.solved(()), rows.solved(delays)
+    row = [block.row_name for block in alone.blocks].index("1 spring")
+    more = (beside.weights[row] / alone.weights[row]) ** 2
+    assert more > 2.0
+    before, after = (float(rows.pull(fit, ["Ia1"])[0]) for fit in (alone, beside))
+    assert after / before == pytest.approx(more, rel=0.1)
 
 
 def test_tachometers_are_set_right_before_anything_else_is_looked_for(
