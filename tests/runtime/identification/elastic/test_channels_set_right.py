@@ -13,6 +13,7 @@ from modelgen import identify
 from modelgen.render.arms.arm_writer import arm_module
 from modelgen.runtime.identification.elastic import channels_set_right
 from modelgen.runtime.identification.elastic.channel_errors import (
+    Aligned,
     Instead,
     SetRight,
     by_half,
@@ -192,7 +193,7 @@ def test_drives_of_a_machine_are_likely_to_hold_alike_but_none_that_is_late() ->
         (dict.fromkeys(others[1:], 5e-4), []),
         (dict(zip(others, (5e-4, 5e-4, 5e-4, 1.5e-3), strict=True)), []),
     ):
-        assert channels_set_right._held(channels_set_right._Aligned(task, known, right, 0.0)) == held
+        assert channels_set_right._held(Aligned(task, known, right, 0.0)) == held
 
 
 def test_channels_are_set_right_where_no_point_comes_to_rest_on_the_way() -> None:
@@ -255,9 +256,9 @@ def test_forces_that_are_taken_as_held_are_not_held_once_more(
     right = SetRight(("K1",), (late,), (5e-4,), none, none)
     tried = []
 
-    def rests(given: Any, *more: Any, held: bool = False) -> channels_set_right._Aligned:
+    def rests(given: Any, *more: Any, held: bool = False) -> Aligned:
         tried.append(held)
-        return channels_set_right._Aligned(given, {late: 5e-4}, right, 0.0)
+        return Aligned(given, {late: 5e-4}, right, 0.0)
 
     monkeypatch.setattr(channels_set_right, "_come_to_rest", rests)
     monkeypatch.setattr(channels_set_right, "_with_zeros", lambda task, *more: (task, {}))
