@@ -65,11 +65,9 @@ def direction_sentence(direction_hz: float, given: bool) -> str:
     return f"Directions of motion are the signs of velocities below {direction_hz:.4g} Hz{end}"
 
 
-def faster_sentence(cutoff_hz: float) -> str:
-    """Say that directions of faster motion count as well, up to a cut-off in Hz."""
-    return (
-        f"Where readings move faster than that, above their noise, velocities below {cutoff_hz:.4g} Hz count."
-    )
+def faster_sentence(channel: str, band_hz: float) -> str:
+    """Say up to which frequency in Hz a channel's faster motion counts as well."""
+    return f"Where {channel} moves faster than that, above its noise, its velocity below {band_hz:.4g} Hz counts."
 
 
 def arm_sentence(dynamics_hz: float) -> str:

@@ -52,7 +52,7 @@ from modelgen.runtime.filter_choice.thresholds import (
     SIGNAL_BAND,
     SIGNAL_CUTOFF,
 )
-from modelgen.runtime.filter_choice.turning_band import direction_cutoff, turning_noise
+from modelgen.runtime.filter_choice.turning_band import FasterTurns, direction_cutoff, faster_turns
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 
@@ -67,8 +67,7 @@ class FilterChoice:
     speeds in SI by their sensor, below which rows of the sensor's body leave samples out. `filtered_forces`
     is for the paper's procedure only, which leaves forces as they are unless asked; others filter all. With
     `between` bodies reverse between samples, and not at them; `directions` are the channels from which those
-    come that no sensor gives. `turning_noise` is the density, in unit^2/Hz, of the noise of channels whose
-    speeds are directions, where motion counts that is faster than `direction_cutoff_hz` and no noise.
+    come that no sensor gives. `faster` are those whose motion beyond `direction_cutoff_hz` counts as well.
     """
 
     filter_order: int
@@ -85,7 +84,7 @@ class FilterChoice:
     filtered_forces: bool = False
     between: bool = False
     directions: tuple[tuple[str, tuple[str, ...]], ...] = ()
-    turning_noise: tuple[tuple[str, float], ...] = ()
+    faster: tuple[FasterTurns, ...] = ()
 
     def steps_s(self, records: Sequence[Record]) -> list[float]:
         """Return the time in s between the instants that are used of each record."""
@@ -149,10 +148,9 @@ def choose_filter(
     sentences += said
     notes += lost
     direction = float(direction_cutoff_hz or direction_cutoff(model, records, cutoff, dynamics))
-    given = paper or direction_cutoff_hz or direction >= cutoff
-    faster = () if given else turning_noise(model, records, direction)
+    faster = () if paper or direction_cutoff_hz else faster_turns(model, records, direction, cutoff)
     sentences.append(paper or direction_sentence(direction, direction_cutoff_hz is not None))
-    sentences += [faster_sentence(cutoff)] if faster else []
+    sentences += [faster_sentence(one.channel, one.band_hz) for one in faster]
     wide, said = _signal_cutoff(model, records, cutoff, dynamics, signal_cutoff_hz)
     sentences += said
     factors, said = _decimations(records, decimation, cutoff)
@@ -161,7 +159,7 @@ def choose_filter(
     sentences += explained
     notes += noted
     found = FilterChoice(order, cutoff, direction, factors, dynamics, ratio, bands, (), (), wide)
-    return replace(found, sentences=tuple(sentences), notes=tuple(notes), turning_noise=faster)
+    return replace(found, sentences=tuple(sentences), notes=tuple(notes), faster=faster)
 
 
 def _seen(highest: Sequence[HighestDerivative], cutoff_hz: float, order: int) -> tuple[list[str], list[str]]:

@@ -6,6 +6,7 @@ A speed bends where friction jumps, and a low-pass of it turns late; noise behin
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from math import pi, sqrt
 
@@ -59,37 +60,56 @@ def direction_cutoff(
     show when they reverse: where friction bends the motion of a joint, that band itself; where it does not,
     noise in it turns friction for nothing. Where springs give some of the speeds it is that of the rows, as
     these hold far more noise. What of a chain's velocities is beyond the dynamics is motion where it stands
-    out of `turning_noise` only.
+    out of its noise only (`faster_turns`).
     """
     if not model.is_arm:
         return min(dynamics_hz or cutoff_hz, cutoff_hz)
     if isinstance(model.kernel, DeflectedKernel) and model.kernel.speeds:
         return cutoff_hz
-    found, keys, turning = [], frozenset(model.direction_keys), []
+    keys, turning = frozenset(model.direction_keys), []
     for signal in model.signals:
-        if signal.key not in keys or (signal.sensor is None and signal.actuator is None):
-            continue
-        turning.append((signal.channel, signal.derivative))
-        for record in records:
-            spectrum = record.facts.spectrum(signal.channel)
-            moving = spectrum.signal(signal.derivative + 1)[spectrum.frequency_hz < cutoff_hz]
-            size = sqrt(float(moving.sum()) * float(spectrum.frequency_hz[0]))
-            found.append(turning_band_hz(size, spectrum.noise, signal.derivative, record.fs))
-    widest = min(found, default=0.0)
-    return max(cutoff_hz, _as_early(records, turning, cutoff_hz, widest))
+        if signal.key in keys and (signal.sensor is not None or signal.actuator is not None):
+            turning.append((signal.channel, signal.derivative))
+    bands = [seen_to_hz(record, *one, cutoff_hz) for one in turning for record in records]
+    return max(cutoff_hz, _as_early(records, turning, cutoff_hz, min(bands, default=0.0)))
 
 
-def turning_noise(
-    model: Model, records: Sequence[Record], direction_hz: float
-) -> tuple[tuple[str, float], ...]:
-    """Return the density, in unit^2/Hz, of the noise of readings that turn faster than a low-pass sees.
+def seen_to_hz(record: Record, channel: str, derivative: int, cutoff_hz: float) -> float:
+    """Return the band in Hz in which a record's reading shows when what it reads reverses.
 
-    That of the record in which it is largest; of a chain's readings whose speeds, low-passed for directions,
-    have the wrong sign at more than a few samples of a record. Arms have no band beyond their directions'.
+    `derivative` says how often the channel is differentiated to be a speed; its motion is below a cut-off.
+    """
+    spectrum = record.facts.spectrum(channel)
+    moving = spectrum.signal(derivative + 1)[spectrum.frequency_hz < cutoff_hz]
+    size = sqrt(float(moving.sum()) * float(spectrum.frequency_hz[0]))
+    return turning_band_hz(size, spectrum.noise, derivative, record.fs)
+
+
+@dataclass(frozen=True)
+class FasterTurns:
+    """A channel that turns faster than the low-pass of directions sees.
+
+    Its speed counts below `band_hz`, in Hz; `noise` is the density of the reading's noise, unit^2/Hz.
+    """
+
+    channel: str
+    noise: float
+    band_hz: float
+
+
+def faster_turns(
+    model: Model, records: Sequence[Record], direction_hz: float, cutoff_hz: float
+) -> tuple[FasterTurns, ...]:
+    """Return what turns faster than a low-pass sees; cut-offs in Hz, of directions and of the rows.
+
+    Of a chain's readings those whose speeds, low-passed for directions, have the wrong sign at more than a few
+    samples of a record. Noise is that of the record in which it is largest, and the band the widest in which
+    every record shows when it reverses: what the rows' low-pass takes off moves reversals as well, and then
+    friction, not noise, is what is not known. Arms have no band beyond their directions'.
     """
     if model.is_arm:
         return ()
-    keys, found = frozenset(model.direction_keys), dict[str, float]()
+    keys, found = frozenset(model.direction_keys), dict[str, FasterTurns]()
     for signal in model.signals:
         if signal.key not in keys or signal.sensor is None:
             continue
@@ -97,8 +117,10 @@ def turning_noise(
             wrong_share, channel=signal.channel, order=signal.derivative, direction_hz=direction_hz
         )
         if max(map(share, records)) > WRONG_SIGNS:
-            found[signal.channel] = max(one.facts.spectrum(signal.channel).noise for one in records)
-    return tuple(found.items())
+            noise = max(one.facts.spectrum(signal.channel).noise for one in records)
+            bands = [seen_to_hz(one, signal.channel, signal.derivative, cutoff_hz) for one in records]
+            found[signal.channel] = FasterTurns(signal.channel, noise, max(cutoff_hz, min(bands)))
+    return tuple(found.values())
 
 
 def wrong_share(record: Record, channel: str, order: int, direction_hz: float) -> float:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from math import sqrt
 
 import numpy as np
 
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.filter_choice.turning_band import FasterTurns
 from modelgen.runtime.filters.butterworth import butterworth
 from modelgen.runtime.filters.derivatives import EIGHTH_ORDER, stencil_for
 from modelgen.runtime.filters.two_sided_kernel import Sections
@@ -34,8 +34,8 @@ class Filtering:
         Central difference, see `modelgen.runtime.filters.fused_operator.fused_operator`.
     between : bool
         Whether directions are means over sampling periods, of motion that reverses between two samples.
-    noise : tuple of (str, float)
-        Standard deviation of the noise, white, of channels of which faster motion turns directions as well.
+    faster : tuple of FasterTurns
+        Channels of which faster motion turns directions as well.
     """
 
     fs: float
@@ -45,7 +45,7 @@ class Filtering:
     stencil: tuple[float, ...] = EIGHTH_ORDER
     signals: Sections = ()
     between: bool = False
-    noise: tuple[tuple[str, float], ...] = ()
+    faster: tuple[FasterTurns, ...] = ()
 
     @property
     def linear(self) -> Sections:
@@ -63,12 +63,9 @@ class Filtering:
 def matched_filtering(choice: FilterChoice, fs: float, factor: int) -> Filtering:
     """Return the filtering of "wls": one Butterworth for everything, differences exact below its cut-off."""
     cutoffs = (choice.cutoff_hz, choice.direction_cutoff_hz, choice.signal_cutoff_hz)
-    noise = choice.turning_noise if choice.direction_cutoff_hz < choice.cutoff_hz else ()
     filtering = _matched_filtering(choice.filter_order, cutoffs, choice.between, fs, factor)
-    if not noise:
-        return filtering
-    stds = tuple((channel, sqrt(0.5 * density * fs)) for channel, density in noise)
-    return replace(filtering, noise=stds)
+    faster = tuple(one for one in choice.faster if one.band_hz > choice.direction_cutoff_hz)
+    return replace(filtering, faster=faster) if faster else filtering
 
 
 @lru_cache(maxsize=128)  # rows are made of one change of the channels after the other

@@ -244,10 +244,11 @@ def unmasked_rows(
 
 def _as_noisy(filtering: Filtering, source: Channels) -> Filtering:
     """Return filters that know of the noise of a record: a low-pass that was undone has made it louder."""
-    if not filtering.noise or not isinstance(source, Record):
+    if not filtering.faster or not isinstance(source, Record):
         return filtering
-    own = {key: source.facts.spectrum(key).spread(source.fs) for key, _ in filtering.noise}
-    return replace(filtering, noise=tuple((key, max(std, own[key])) for key, std in filtering.noise))
+    own = [2.0 * source.facts.spectrum(one.channel).spread(source.fs) ** 2 / source.fs for one in filtering.faster]
+    louder = zip(filtering.faster, own, strict=True)
+    return replace(filtering, faster=tuple(replace(one, noise=max(one.noise, size)) for one, size in louder))
 
 
 def full_rate(plan: SignalPlan) -> SignalPlan:

@@ -1,18 +1,20 @@
 """SpeedFilter: what a reading goes through before the sign of its speed is a direction of motion.
 
 A low-pass at the dynamics keeps noise from turning anything, and takes off what is faster: it does not see
-reversals at the end of a chirp. A speed below the cut-off of the rows tells where noise has not turned it.
+reversals at the end of a chirp. A speed in a wider band tells where noise has not turned it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.filter_choice.thresholds import CERTAIN_SIGN
+from modelgen.runtime.filter_choice.thresholds import CERTAIN_SIGN, HIGHEST_CUTOFF, TURNING_ORDER
+from modelgen.runtime.filters.butterworth import butterworth
 from modelgen.runtime.filters.fused_operator import FusedOperator
 from modelgen.runtime.filters.two_sided_kernel import Sections
 from modelgen.runtime.rows.filter_sections import Filtering
@@ -27,7 +29,7 @@ class SpeedFilter:
     low : FusedOperator
         Below the cut-off of directions.
     wide : FusedOperator, optional
-        Below that of the rows; None where faster motion does not count.
+        In a wider band; None where faster motion does not count.
     certain : float
         Speed in SI whose sign behind `wide` is no noise.
     """
@@ -61,11 +63,12 @@ def speed_filter(
     filtering: Filtering, channel: str, operator: Callable[[Sections], FusedOperator]
 ) -> SpeedFilter:
     """Return the filter of a channel; `operator` makes one, at the full rate, of a low-pass."""
-    low, noise = operator(filtering.directions), dict(filtering.noise).get(channel)
-    if noise is None:
+    low, fs = operator(filtering.directions), filtering.fs
+    faster = next((one for one in filtering.faster if one.channel == channel), None)
+    if faster is None:
         return SpeedFilter(low)
-    wide = operator(filtering.low_pass)
+    wide = operator(butterworth(TURNING_ORDER, min(faster.band_hz, HIGHEST_CUTOFF * fs), fs))
     impulse = np.zeros(2 * wide.reach + 1)
-    impulse[wide.reach] = noise
+    impulse[wide.reach] = sqrt(0.5 * faster.noise * fs)  # its standard deviation
     rms = float(np.linalg.norm(wide.apply(impulse, 0, impulse.size)))
     return SpeedFilter(low, wide, CERTAIN_SIGN * rms)

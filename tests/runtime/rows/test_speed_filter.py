@@ -9,12 +9,12 @@ import pytest
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice, choose_filter
-from modelgen.runtime.filter_choice.turning_band import turning_noise
+from modelgen.runtime.filter_choice.turning_band import FasterTurns, faster_turns, seen_to_hz
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.record_rows import unmasked_rows
 from tests.runtime.rigid_motion import RIGID
 
-FS, N, NOISE = 1000.0, 6000, 1e-5
+FS, N, NOISE, BAND = 1000.0, 6000, 1e-5, 100.0
 T = np.arange(N) / FS
 # a slow motion, and beside it one of 70 Hz that is twice as fast, in the last second alone
 SLOW, AT = 2.0 * np.pi * 0.5, 2.0 * np.pi * 70.0
@@ -24,7 +24,8 @@ POSITION = np.sin(SLOW * T) / SLOW + np.where(T > 5.0, 2.0 * np.sin(AT * T) / AT
 
 def choice(noise: float) -> FilterChoice:
     density = 2.0 * noise**2 / FS
-    return FilterChoice(4, 100.0, 20.0, (5,), 20.0, None, (), (), (), turning_noise=(("q_m", density),))
+    faster = (FasterTurns("q_m", density, BAND),)
+    return FilterChoice(4, 100.0, 20.0, (5,), 20.0, None, (), (), (), faster=faster)
 
 
 def speed(settings: FilterChoice, position: FloatArray, noise: float = NOISE) -> FloatArray:
@@ -36,7 +37,7 @@ def speed(settings: FilterChoice, position: FloatArray, noise: float = NOISE) ->
 
 def test_motion_beyond_the_low_pass_turns_where_it_is() -> None:
     narrow, found = (
-        speed(one, POSITION) for one in (replace(choice(NOISE), turning_noise=()), choice(NOISE))
+        speed(one, POSITION) for one in (replace(choice(NOISE), faster=()), choice(NOISE))
     )
     start = int(N - len(found)) // 2
     true = SPEED[start : start + len(found)]
@@ -52,9 +53,9 @@ def test_noise_beyond_the_low_pass_turns_nothing() -> None:
     narrow, found, wide, silent = (
         np.sign(speed(one, slow, loud))
         for one in (
-            replace(known, turning_noise=()),
+            replace(known, faster=()),
             known,
-            replace(known, direction_cutoff_hz=100.0),
+            replace(known, direction_cutoff_hz=BAND),
             choice(0.0),
         )
     )
@@ -72,11 +73,13 @@ def test_readings_that_turn_faster_than_a_low_pass_sees_are_found() -> None:
         return Record({"q_m": readings, "F": rng.standard_normal(N)}, FS, "one")
 
     fast, calm = record(POSITION), record(np.sin(SLOW * T) / SLOW)
-    ((channel, density),) = turning_noise(RIGID, [calm, fast], 45.0)
-    assert channel == "q_m"
-    assert density == pytest.approx(2.0 * NOISE**2 / FS, rel=0.2)
-    assert turning_noise(RIGID, [fast], 90.0) == ()
-    assert turning_noise(RIGID, [calm], 45.0) == ()
+    (found,) = faster_turns(RIGID, [calm, fast], 45.0, 60.0)
+    assert found.channel == "q_m"
+    assert found.noise == pytest.approx(2.0 * NOISE**2 / FS, rel=0.2)
+    # the slow one is the first in which noise hides a reversal
+    assert found.band_hz == max(seen_to_hz(calm, "q_m", 1, 60.0), 60.0) < seen_to_hz(fast, "q_m", 1, 60.0)
+    assert faster_turns(RIGID, [fast], 90.0, 120.0) == ()
+    assert faster_turns(RIGID, [calm], 45.0, 60.0) == ()
 
 
 def test_a_cut_off_that_is_given_is_the_only_one() -> None:
@@ -87,8 +90,9 @@ def test_a_cut_off_that_is_given_is_the_only_one() -> None:
     record = Record({"q_m": readings, "F": np.gradient(np.cos(phase))}, FS, "one")
     free = choose_filter(RIGID, [record])
     assert free.direction_cutoff_hz < 90.0
-    assert [channel for channel, _ in free.turning_noise] == ["q_m"]
-    assert any(one.endswith("Hz count.") for one in free.sentences)
+    assert [one.channel for one in free.faster] == ["q_m"]
+    assert free.faster[0].band_hz >= free.cutoff_hz
+    assert any(one.endswith("Hz counts.") for one in free.sentences)
     given = choose_filter(RIGID, [record], direction_cutoff_hz=20.0)
-    assert given.turning_noise == ()
-    assert not any(one.endswith("count.") for one in given.sentences)
+    assert given.faster == ()
+    assert not any(one.endswith("counts.") for one in given.sentences)
