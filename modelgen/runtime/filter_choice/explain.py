@@ -67,7 +67,8 @@ def direction_sentence(direction_hz: float, given: bool) -> str:
 
 def faster_sentence(channel: str, band_hz: float) -> str:
     """Say up to which frequency in Hz a channel's faster motion counts as well."""
-    return f"Where {channel} moves faster than that, above its noise, its velocity below {band_hz:.4g} Hz counts."
+    said = f"Where {channel} moves faster than that, above its noise"
+    return f"{said}, its velocity below {band_hz:.4g} Hz counts."
 
 
 def arm_sentence(dynamics_hz: float) -> str:

@@ -102,10 +102,10 @@ def faster_turns(
 ) -> tuple[FasterTurns, ...]:
     """Return what turns faster than a low-pass sees; cut-offs in Hz, of directions and of the rows.
 
-    Of a chain's readings those whose speeds, low-passed for directions, have the wrong sign at more than a few
-    samples of a record. Noise is that of the record in which it is largest, and the band the widest in which
-    every record shows when it reverses: what the rows' low-pass takes off moves reversals as well, and then
-    friction, not noise, is what is not known. Arms have no band beyond their directions'.
+    Of a chain's readings those whose speeds, low-passed for directions, have the wrong sign at more than a
+    few samples of a record. Noise is that of the record in which it is largest, and the band the widest in
+    which every record shows when it reverses: what the rows' low-pass takes off moves reversals as well. Arms
+    have no band beyond their directions'.
     """
     if model.is_arm:
         return ()

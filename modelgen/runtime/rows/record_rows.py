@@ -246,9 +246,9 @@ def _as_noisy(filtering: Filtering, source: Channels) -> Filtering:
     """Return filters that know of the noise of a record: a low-pass that was undone has made it louder."""
     if not filtering.faster or not isinstance(source, Record):
         return filtering
-    own = [2.0 * source.facts.spectrum(one.channel).spread(source.fs) ** 2 / source.fs for one in filtering.faster]
-    louder = zip(filtering.faster, own, strict=True)
-    return replace(filtering, faster=tuple(replace(one, noise=max(one.noise, size)) for one, size in louder))
+    own = {one.channel: source.facts.spectrum(one.channel).noise for one in filtering.faster}
+    louder = (replace(one, noise=max(one.noise, own[one.channel])) for one in filtering.faster)
+    return replace(filtering, faster=tuple(louder))
 
 
 def full_rate(plan: SignalPlan) -> SignalPlan:

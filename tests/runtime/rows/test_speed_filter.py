@@ -36,9 +36,7 @@ def speed(settings: FilterChoice, position: FloatArray, noise: float = NOISE) ->
 
 
 def test_motion_beyond_the_low_pass_turns_where_it_is() -> None:
-    narrow, found = (
-        speed(one, POSITION) for one in (replace(choice(NOISE), faster=()), choice(NOISE))
-    )
+    narrow, found = (speed(one, POSITION) for one in (replace(choice(NOISE), faster=()), choice(NOISE)))
     start = int(N - len(found)) // 2
     true = SPEED[start : start + len(found)]
     late = np.arange(start, start + len(found)) > 5100

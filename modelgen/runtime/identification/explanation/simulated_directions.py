@@ -20,7 +20,12 @@ from modelgen.runtime.identification.explanation.explain_residual import explain
 from modelgen.runtime.identification.explanation.explained import Begun, begun_at, run_method, with_note
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import TURNED_GAIN, TURNED_ROUNDS, TURNS_MOVE
+from modelgen.runtime.identification.thresholds import (
+    FOLLOWED_CLOSER,
+    TURNED_GAIN,
+    TURNED_ROUNDS,
+    TURNS_MOVE,
+)
 from modelgen.runtime.iv.companion_simulation import Loop, followed_closely, simulated_beside
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.physical.friction_rows import directions
@@ -38,6 +43,7 @@ from modelgen.runtime.rows.given_directions import (
     signs_of_rows,
     with_given_directions,
 )
+from modelgen.runtime.rows.observation import Observation
 from modelgen.runtime.simulation.plant import possible
 
 SIMULATED = "directions near reversals are those of a simulation at the estimate"
@@ -65,9 +71,41 @@ def with_simulated_directions(begun: Begun) -> Begun:
             break
         found = again
     if unseen is not None and (found is begun or _digits(found) < _digits(begun, unseen)):
-        drift = begun.found.drift + np.outer(unseen, unseen)
-        return replace(begun, found=replace(begun.found, drift=drift))
-    return begun if found is begun else with_note(found, SIMULATED, found.found.drift)
+        return _moved(begun, unseen)
+    return begun if found is begun else _with_uncertain_turns(with_note(found, SIMULATED))
+
+
+def _with_uncertain_turns(begun: Begun) -> Begun:
+    """Return an estimate whose intervals hold what directions of another simulation move.
+
+    Where a body stops for a moment, whether it reverses there hangs on less than its sensor's noise: a
+    direction is wrong as often one way as the other, which is no noise to instruments. The other simulation
+    is kept closer to the record, and turns where that does, not where readings beside it say.
+    """
+    task, fit, rows = begun.task, begun.found.fit, begun.found.observation
+    if fit.carried is not None or not all(block.in_memory for block in rows.blocks):
+        return begun
+    job, late = task.job, {channel: delay for channel, delay, _ in fit.delays}
+    values = possible(job.model, simulation_parameters(job.model, fit))
+    read, turned = [], []
+    for record in job.records:
+        on_time = advanced(record, late)
+        closer = simulated_beside(job.model, values, on_time, job.choice, job.loop)
+        for _ in range(FOLLOWED_CLOSER):
+            closer = followed_closely(closer, job.choice, job.loop)
+        other = directions(closer, bodies_with_signs(job.model), closer.record)
+        read.append(on_time)
+        turned.append(on_time.edited(other))
+    own, again = (
+        with_given_directions(rows, job.model, records, job.choice, job.drop, job.reversing)
+        for records in (read, turned)
+    )
+    return _moved(begun, _move(fit, again, own))
+
+
+def _moved(begun: Begun, move: FloatArray) -> Begun:
+    """Return an estimate whose intervals hold a move of X, shape (c,) in SI."""
+    return replace(begun, found=replace(begun.found, drift=begun.found.drift + np.outer(move, move)))
 
 
 def explained_with_directions(begun: Begun, before: Begun | None = None) -> Begun:
@@ -104,8 +142,7 @@ def _unsettled(found: Begun, again: Begun | None) -> Begun:
     """
     if again is None or again.found.fit.columns != found.found.fit.columns:
         return found
-    move = again.found.fit.solution.x - found.found.fit.solution.x
-    return replace(found, found=replace(found.found, drift=found.found.drift + np.outer(move, move)))
+    return _moved(found, again.found.fit.solution.x - found.found.fit.solution.x)
 
 
 def _explained(begun: Begun) -> Begun:
@@ -161,17 +198,22 @@ def _moved_by_unseen(begun: Begun) -> FloatArray | None:
         record.edited(_read_directions(job.model, fit.simulated[index])) if index in fit.simulated else record
         for index, record in enumerate(job.records)
     )
-    given = with_given_directions(begun.found.observation, job.model, records, job.choice, job.drop, True)
-    x = fit.all_parameters(begun.found.observation.columns)
+    rows = begun.found.observation
+    move = _move(fit, with_given_directions(rows, job.model, records, job.choice, job.drop, True), rows)
+    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit, grown=False)), 0.0))
+    return move if np.any(np.abs(move) > TURNS_MOVE * spread) else None
+
+
+def _move(fit: Fit, other: Observation, rows: Observation) -> FloatArray:
+    """Return by how much X of a fit moves, shape (c,), with the directions that other rows hold."""
+    x = fit.all_parameters(rows.columns)
     wrong = [
         new.W @ new.own(x) - old.W @ old.own(x)
-        for new, old in zip(given.blocks, every, strict=True)
+        for new, old in zip(other.blocks, rows.blocks, strict=True)
         if old.place.size
     ]
     span = Span(fit)
-    move = np.asarray(span.compared([wrong], span.left).share[:, 0])
-    spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit, grown=False)), 0.0))
-    return move if np.any(np.abs(move) > TURNS_MOVE * spread) else None
+    return np.asarray(span.compared([wrong], span.left).share[:, 0])
 
 
 def _read_directions(model: Model, record: Record) -> dict[str, FloatArray]:
