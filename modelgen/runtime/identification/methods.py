@@ -21,6 +21,8 @@ from modelgen.runtime.rows.paper_rows import observe_paper
 
 if TYPE_CHECKING:
     from modelgen.runtime.iv.companion_simulation import Loop
+    from modelgen.runtime.iv.instrumental_variables import Setting
+    from modelgen.runtime.iv.physical.gauss_newton_step import Rules
 
 
 def run_wls(job: Job) -> tuple[Observation, Fit]:
@@ -36,10 +38,8 @@ def run_wls(job: Job) -> tuple[Observation, Fit]:
 
 def run_iv(job: Job) -> tuple[Observation, Fit]:
     """Instrumental variables on matched-filtered rows, without the samples near a reversal."""
-    from modelgen.runtime.iv.freed_effects import corrected
     from modelgen.runtime.iv.instrumental_variables import fit_iv, iv_round
     from modelgen.runtime.iv.physical.composite_iv import fit_composites_iv
-    from modelgen.runtime.iv.physical.gauss_newton_step import Rules
     from modelgen.runtime.iv.shapes.shaped_effects import fit_in_shape
 
     composites = job.physical or all_from_composites(job.model)
@@ -52,12 +52,7 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
         return observed(records).dense()
 
     if composites:  # physical parameters are in many columns
-        rules = Rules(job.robust is not None, job.bounds is not None, job.at_zero)
-        if job.effects:  # of zeros most is known
-            apart = corrected(job.records, {}, job.effects, job.all_sizes)
-            sized = zip(job.effects, job.all_sizes, strict=True)
-            sizes = tuple(0.0 if one.edit else size for one, size in sized)
-            setting = replace(setting, records=apart, effects=job.effects, sizes=sizes)
+        setting, rules = physical_setting(job)
         return fit_composites_iv(setting, dense, job.late, job.start, rules, job.begin, job.known_delays)
 
     waiting = []
@@ -84,6 +79,21 @@ def run_iv(job: Job) -> tuple[Observation, Fit]:
         return found.observation, found.fit
     # turns leave gaps in the rows of arms, and stretches between them are too short to make them white
     return job.with_delays(run, None if job.model.is_arm else job.sharpened)
+
+
+def physical_setting(job: Job) -> tuple[Setting, Rules]:
+    """Return what steps in physical parameters simulate, and keep to."""
+    from modelgen.runtime.iv.freed_effects import corrected
+    from modelgen.runtime.iv.physical.gauss_newton_step import Rules
+
+    setting, rules = job.setting(), Rules(job.robust is not None, job.bounds is not None, job.at_zero)
+    if not job.effects:
+        return setting, rules
+    # of zeros most is known
+    apart = corrected(job.records, {}, job.effects, job.all_sizes)
+    sized = zip(job.effects, job.all_sizes, strict=True)
+    sizes = tuple(0.0 if one.edit else size for one, size in sized)
+    return replace(setting, records=apart, effects=job.effects, sizes=sizes), rules
 
 
 def run_pham2002(job: Job) -> tuple[Observation, Fit]:

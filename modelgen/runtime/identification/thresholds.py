@@ -72,9 +72,6 @@ REST_UNKNOWN = 0.15
 KNOWN_INSTANT = 0.02
 # Directions are simulated so often, each time with the last estimate: the first is a few percent off.
 TURNED_ROUNDS = 2
-# Another simulation is led to its record so many times as often: it was off by half as much, of sines about
-# rest.
-FOLLOWED_CLOSER = 2
 # They are made anew where what the model lacked explains so much of the residual, a share of its rms.
 TURNED_GAIN = 0.05
 # So many effects are estimated with physical parameters at most, one after the other.

@@ -49,7 +49,8 @@ class Setting:
     """The records, filters and controller that the model is simulated with.
 
     `guessed` are the directions of motion in the records that no sensor gives and no user: those of others.
-    Steps in physical parameters estimate `effects` as well; they begin at `sizes`.
+    Steps in physical parameters estimate `effects` as well; they begin at `sizes`. With `closer`, friction
+    that rows drop turns as `other_directions` say.
     """
 
     model: Model
@@ -60,6 +61,7 @@ class Setting:
     guessed: tuple[str, ...] = ()
     effects: tuple[Effect, ...] = ()
     sizes: tuple[float, ...] = ()
+    closer: bool = False
 
 
 def fit_iv(start: Fit, setting: Setting) -> Fit:

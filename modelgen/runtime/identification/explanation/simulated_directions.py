@@ -19,16 +19,17 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by, timing_moves
 from modelgen.runtime.identification.explanation.explained import Begun, begun_at, run_method, with_note
 from modelgen.runtime.identification.job import Job
+from modelgen.runtime.identification.methods import physical_setting
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
-    FOLLOWED_CLOSER,
     TURNED_GAIN,
     TURNED_ROUNDS,
     TURNS_MOVE,
 )
 from modelgen.runtime.iv.companion_simulation import Loop, followed_closely, simulated_beside
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
-from modelgen.runtime.iv.physical.friction_rows import directions
+from modelgen.runtime.iv.physical.composite_iv import moved_by_turns
+from modelgen.runtime.iv.physical.friction_rows import directions, other_directions
 from modelgen.runtime.iv.score_tests import Span
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
@@ -60,9 +61,7 @@ def with_simulated_directions(begun: Begun) -> Begun:
     # rows that drop friction have it from a simulation already, made anew in every step
     near = any(block.turning and signs[block.row] for block in fit.blocks)
     unseen = None if near else _moved_by_unseen(begun)
-    if not near and unseen is None:
-        return begun
-    for _ in range(TURNED_ROUNDS):
+    for _ in range(TURNED_ROUNDS if near or unseen is not None else 0):
         fit = found.found.fit
         start = replace(task, job=replace(task.job, reversing=task.job.reversing or not near))
         again = _turned_anew(start, found)
@@ -72,28 +71,30 @@ def with_simulated_directions(begun: Begun) -> Begun:
         found = again
     if unseen is not None and (found is begun or _digits(found) < _digits(begun, unseen)):
         return _moved(begun, unseen)
-    return begun if found is begun else _with_uncertain_turns(with_note(found, SIMULATED))
+    if found is not begun:
+        return _with_uncertain_turns(with_note(found, SIMULATED))
+    return begun if fit.carried is None else _with_uncertain_turns(begun)
 
 
 def _with_uncertain_turns(begun: Begun) -> Begun:
-    """Return an estimate whose intervals hold what directions of another simulation move.
+    """Return an estimate whose intervals hold what `other_directions` move.
 
-    Where a body stops for a moment, whether it reverses there hangs on less than its sensor's noise: a
-    direction is wrong as often one way as the other, which is no noise to instruments. The other simulation
-    is kept closer to the record, and turns where that does, not where readings beside it say.
+    A direction is wrong as often one way as the other, which is no noise to instruments.
     """
-    task, fit, rows = begun.task, begun.found.fit, begun.found.observation
-    if fit.carried is not None or not all(block.in_memory for block in rows.blocks):
+    job, fit, rows = begun.task.job, begun.found.fit, begun.found.observation
+    if not all(block.in_memory for block in rows.blocks):
         return begun
-    job, late = task.job, {channel: delay for channel, delay, _ in fit.delays}
+    if fit.carried is not None:
+        setting, rules = physical_setting(job)
+        return _moved(begun, moved_by_turns(setting, rows, fit, rules))
+    late = {channel: delay for channel, delay, _ in fit.delays}
     values = possible(job.model, simulation_parameters(job.model, fit))
     read, turned = [], []
     for record in job.records:
         on_time = advanced(record, late)
-        closer = simulated_beside(job.model, values, on_time, job.choice, job.loop)
-        for _ in range(FOLLOWED_CLOSER):
-            closer = followed_closely(closer, job.choice, job.loop)
-        other = directions(closer, bodies_with_signs(job.model), closer.record)
+        beside = simulated_beside(job.model, values, on_time, job.choice, job.loop)
+        close = followed_closely(beside, job.choice, job.loop)
+        other = other_directions(close, bodies_with_signs(job.model), job.choice, job.loop)
         read.append(on_time)
         turned.append(on_time.edited(other))
     own, again = (

@@ -13,9 +13,11 @@ from itertools import islice
 
 import numpy as np
 
+from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.physical.course_of_steps import MORE
+from modelgen.runtime.iv.physical.friction_rows import adds_friction
 from modelgen.runtime.iv.physical.gauss_newton_step import Rules, Unknowns, in_base_columns, step_from
 from modelgen.runtime.iv.physical.physical_iv import PLAIN, Found, Rows, fit_physical_iv
 from modelgen.runtime.iv.physical.response_start import response_start
@@ -97,6 +99,21 @@ def fit_composites_iv(
     if rules.bounded and found.leaves_bounds(model):
         found = fit_physical_iv(setting, rows, delays, found.values(model), rules, settled=True)
     return found.observation, found.fit
+
+
+def moved_by_turns(setting: Setting, observation: Observation, fit: Fit, rules: Rules = PLAIN) -> FloatArray:
+    """Return by how much X of such a fit to its rows moves, shape (c,) in SI, with `other_directions`.
+
+    Parameters as of `fit_composites_iv`, whose `observation` and `fit` these are. Nothing moves where no row
+    drops the friction of what turns near its samples.
+    """
+    carried, plain = fit.carried, fit_matched(observation)
+    if carried is None or carried.at is None or not adds_friction(plain, setting):
+        return np.zeros(len(fit.columns))
+    sizes = tuple(begun + size for begun, (size, _) in zip(setting.sizes, carried.sizes, strict=True))
+    now = Unknowns(carried.at, {channel: delay for channel, delay, _ in fit.delays}, sizes)
+    own, other = (step_from(replace(setting, closer=closer), plain, now, rules) for closer in (False, True))
+    return np.asarray(own.slope @ (other.x - own.x)[: len(carried.at)])
 
 
 def _start_near(model: Model, near: Fit) -> Mapping[str, float]:

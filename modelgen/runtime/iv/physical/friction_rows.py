@@ -17,10 +17,11 @@ from functools import lru_cache
 import numpy as np
 
 from modelgen.array_types import FloatArray, IntArray
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.turning_band import turning_band_hz
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
-from modelgen.runtime.iv.companion_simulation import Simulated
+from modelgen.runtime.iv.companion_simulation import Loop, Simulated, followed_closely
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.thresholds import DIFFERENCED, LED_ORDER, TURNING_ROUNDS
 from modelgen.runtime.least_squares.fit import Fit
@@ -60,7 +61,13 @@ def with_friction(
     values : mapping of str to float
         The physical parameters (SI) of the solution.
     """
-    records = [_with_directions(setting.records, _bodies(fit, setting), one) for one in simulated]
+    bodies = _bodies(fit, setting)
+    records = [_with_directions(setting.records, bodies, one) for one in simulated]
+    if setting.closer:
+        records = [
+            record.edited(other_directions(one, bodies, setting.choice, setting.loop))
+            for record, one in zip(records, simulated, strict=True)
+        ]
     parts = [(block.W, block.Y) for block in fit.blocks]
     found = _added(parts, fit, setting, records, values)
     blocks = tuple(
@@ -107,6 +114,18 @@ def _bodies(fit: Fit, setting: Setting) -> set[str]:
 def directions(simulated: Simulated, bodies: Iterable[str], record: Record) -> dict[str, FloatArray]:
     """Return the directions of bodies in a record, by channel, -1 to 1 (no unit), shape (n,) each."""
     return {direction_channel(body): _direction(simulated, body, record) for body in bodies}
+
+
+def other_directions(
+    simulated: Simulated, bodies: Iterable[str], choice: FilterChoice, loop: Loop | None
+) -> dict[str, FloatArray]:
+    """Return directions to compare `directions` with: of a simulation led to its record once more.
+
+    Where a body stops for a moment, whether it reverses there hangs on less than its sensor's noise.
+    Bodies turn as this motion does, and not as what is read of them beside it says.
+    """
+    closer = followed_closely(simulated, choice, loop)
+    return directions(closer, bodies, closer.record)
 
 
 def _direction(simulated: Simulated, body: str, record: Record) -> FloatArray:
