@@ -47,6 +47,7 @@ from modelgen.runtime.least_squares.wls import solve_matched
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 from modelgen.runtime.parameters.bounds import BoundCost, bound_reasons
 from modelgen.runtime.records.record import Record
+from modelgen.runtime.rows.given_directions import brings_directions
 from modelgen.runtime.rows.left_open.uncertain_turns import leaves_turns_open
 from modelgen.runtime.rows.masks import Survey
 from modelgen.runtime.rows.observation import Observation, observe
@@ -131,7 +132,8 @@ class Solution:
         job, plain = self.job, isinstance(task.method, WLS) and self.treatment == Treatment()
         if not plain or job.rows_for_tag is not None or self.plain.projected is not None:
             return self.at(task, other)
-        if leaves_turns_open(job.model):
+        # triangles know of no directions that records bring
+        if leaves_turns_open(job.model) or any(brings_directions(job.model, one) for one in self.moved):
             surveyed = replace(job, choice=other, surveys=self._surveys(task, other))
             return solve_matched(surveyed.observed(self.moved).blocks, job.model.base_parameters)
         rows = observe_triangles(job.model, self.moved, other, job.drop, self._surveys(task, other))

@@ -25,7 +25,11 @@ from modelgen.runtime.identification.explanation.explained import (
     with_note,
 )
 from modelgen.runtime.identification.explanation.other_weights import other_weights
-from modelgen.runtime.identification.explanation.simulated_directions import directed, takes_directions
+from modelgen.runtime.identification.explanation.simulated_directions import (
+    directed,
+    takes_directions,
+    with_uncertain_turns,
+)
 from modelgen.runtime.identification.explanation.what_is_left import left_less
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.memory_limit import beyond_limit
@@ -99,7 +103,8 @@ def least_squares_instead(
     found = replace(plain.found, advice=held_instead(iv.advice, late))
     weighed, _ = other_weights(task.job, fit)
     timing = timing_by_stretches(replace(job, late=task.job.late), method.least_squares, plain.found)
-    return with_note(replace(plain, found=found), note, np.outer(move, move) + iv.unsolved + weighed + timing)
+    drift = found.drift + np.outer(move, move) + iv.unsolved + weighed + timing
+    return with_note(replace(plain, found=found), note, drift)
 
 
 def _less(fit: Fit, driven: FloatArray | None) -> Fit:
@@ -178,6 +183,6 @@ def _run(task: Task, job: Job, method: Method, fit: Fit) -> tuple[Job, Begun]:
         turned = directed(job, fit)
         found = run_method(replace(task, job=turned), method)
         better = left_less(plain.found.fit, found.found.fit) >= 0.0
-        return (turned, found) if better else (job, plain)
+        return (turned, with_uncertain_turns(found)) if better else (job, plain)
     calm = replace(job, turns=False)
     return calm, run_method(replace(task, job=calm), method)

@@ -8,6 +8,7 @@ less than its friction. A simulation with the estimate, kept close to the record
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -19,7 +20,7 @@ from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.explanation.explain_residual import explained, found_by, timing_moves
 from modelgen.runtime.identification.explanation.explained import Begun, begun_at, run_method, with_note
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.methods import physical_setting
+from modelgen.runtime.identification.methods import physical_setting, run_wls
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     TURNED_GAIN,
@@ -72,16 +73,17 @@ def with_simulated_directions(begun: Begun) -> Begun:
     if unseen is not None and (found is begun or _digits(found) < _digits(begun, unseen)):
         return _moved(begun, unseen)
     if found is not begun:
-        return _with_uncertain_turns(with_note(found, SIMULATED))
-    return begun if fit.carried is None else _with_uncertain_turns(begun)
+        return with_uncertain_turns(with_note(found, SIMULATED))
+    return begun if fit.carried is None else with_uncertain_turns(begun)
 
 
-def _with_uncertain_turns(begun: Begun) -> Begun:
+def with_uncertain_turns(begun: Begun) -> Begun:
     """Return an estimate whose intervals hold what `other_directions` move.
 
     A direction is wrong as often one way as the other, which is no noise to instruments.
     """
-    job, fit, rows = begun.task.job, begun.found.fit, begun.found.observation
+    task, fit, rows = begun.task, begun.found.fit, begun.found.observation
+    job = task.job
     if not all(block.in_memory for block in rows.blocks):
         return begun
     if fit.carried is not None:
@@ -97,8 +99,9 @@ def _with_uncertain_turns(begun: Begun) -> Begun:
         other = other_directions(close, bodies_with_signs(job.model), job.choice, job.loop)
         read.append(on_time)
         turned.append(on_time.edited(other))
+    every = job.reversing or (job.turns and not task.method.consistent)
     own, again = (
-        with_given_directions(rows, job.model, records, job.choice, job.drop, job.reversing)
+        with_given_directions(rows, job.model, records, job.choice, job.drop, every)
         for records in (read, turned)
     )
     return _moved(begun, _move(fit, again, own))
@@ -154,15 +157,26 @@ def _explained(begun: Begun) -> Begun:
 
 
 def _turned_anew(task: Task, found: Begun) -> Begun | None:
-    """Return a task run with directions of a simulation at a fit; None where columns are others, or none."""
+    """Return a task run with directions of a simulation at a fit; None where columns are others, or none.
+
+    A fit with directions of low-passed velocities may have most of its friction from these, and steps from
+    it lead nowhere. Least squares needs no start.
+    """
     fit = found.found.fit
-    try:
+    with suppress(IdentifiabilityError, DataError):
         job = directed(task.job, fit)
-        start = replace(job, start=replace(fit, simulated=None))
-        again = run_method(begun_at(replace(task, job=start), found), task.method)
-    except (DataError, IdentifiabilityError):
-        return None
-    if again.found.fit.columns != fit.columns:
+        with suppress(IdentifiabilityError):
+            return _begun_at_fit(task, job, found, fit)
+        rough = replace(run_wls(replace(job, late=()))[1], delays=fit.delays)
+        return _begun_at_fit(task, directed(task.job, rough), found, rough)
+    return None
+
+
+def _begun_at_fit(task: Task, job: Job, found: Begun, fit: Fit) -> Begun | None:
+    """Return a task run with a job, begun at a fit; None where columns are others than those found."""
+    start = replace(job, start=replace(fit, simulated=None))
+    again = run_method(begun_at(replace(task, job=start), found), task.method)
+    if again.found.fit.columns != found.found.fit.columns:
         return None
     return replace(again, task=replace(again.task, job=job))
 
