@@ -17,7 +17,7 @@ from modelgen.runtime.iv.effect import Changes, Effect
 from modelgen.runtime.iv.instrumental_variables import Setting, simulation_parameters
 from modelgen.runtime.iv.pushed_chain import Pushed
 from modelgen.runtime.iv.pushed_rows import PushedRows
-from modelgen.runtime.iv.thresholds import AT_REST, SLOW_QUANTILE, TRIED_SHARE
+from modelgen.runtime.iv.thresholds import AT_REST, SLOW_QUANTILE, TRIED_SHARE, TURNED_SHARE
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.block_column import BlockColumn
@@ -135,7 +135,8 @@ def effect_rows(
                 }
                 for row in touched
             ]
-            change = dict(zip(touched, _moved_rows(pushes, one.record, moved, changes, read), strict=True))
+            rows_moved = _moved_rows(pushes, one.record, moved, changes, read, jumps)
+            change = dict(zip(touched, rows_moved, strict=True))
             found.append(
                 {index: change[row.row][row.place] for index, row in blocks.items() if row.row in change}
             )
@@ -150,12 +151,18 @@ def effect_rows(
 
 
 def _moved_rows(
-    pushes: PushedRows, record: Record, terms: Sequence[Mapping[str, float]], changes: Changes, read: Set[str]
+    pushes: PushedRows,
+    record: Record,
+    terms: Sequence[Mapping[str, float]],
+    changes: Changes,
+    read: Set[str],
+    jumps: Set[str],
 ) -> FloatArray:
     """Return what sums of signals and features change per unit of the changes of channels, (sums, grid).
 
     `read` are the channels that they read. Filters pass what is added to a signal by itself. Features are
-    formed with and without a small multiple of it.
+    formed with and without a small multiple of it; `jumps`, directions of motion, with a larger one, so that
+    many change: one that does by chance would count as thousands.
     """
     calm = pushes.rows
     signals = calm.plan.signals
@@ -168,11 +175,13 @@ def _moved_rows(
         found = pushes.mixed(changes, linear)
     else:
         found = replace(calm, source=EditedChannels(record, record.name, record.n, own)).mixed(linear)
-    # a simulation that stays at rest changes by nothing, which no multiple can be formed of
-    if any(formed) and (size := _tried_size(record, own)) > 0.0:
-        more = {key: record.signals[key] + size * change for key, change in own.items()}
-        changed = replace(calm, source=EditedChannels(record, record.name, record.n, more))
-        found += (changed.mixed(formed) - calm.mixed(formed)) / size
+    for jump, share in ((False, TRIED_SHARE), (True, TURNED_SHARE)):
+        part = [{key: w for key, w in one.items() if (key in jumps) == jump} for one in formed]
+        # a simulation that stays at rest changes by nothing, which no multiple can be formed of
+        if any(part) and (size := share * _whole_size(record, own)) > 0.0:
+            more = {key: record.signals[key] + size * change for key, change in own.items()}
+            changed = replace(calm, source=EditedChannels(record, record.name, record.n, more))
+            found += (changed.mixed(part) - calm.mixed(part)) / size
     return found
 
 
@@ -202,7 +211,7 @@ def _moves(record: Record, changes: Changes, read: Set[str]) -> bool:
     """Tell whether the channels that are read move, and something is added to one of them."""
     if isinstance(changes, Pushed):
         return changes.acts and all(_spread(record, key) for key in read)
-    return _tried_size(record, {key: changes[key] for key in read}) > 0.0
+    return _whole_size(record, {key: changes[key] for key in read}) > 0.0
 
 
 def mismatch_of(fit: Fit, setting: Setting) -> tuple[dict[str, float], ...]:
@@ -216,10 +225,10 @@ def rows_of(setting: Setting, record: Record, index: int) -> RecordRows:
     return unmasked_rows(setting.model, record, choice, choice.decimation[index], setting.drop)
 
 
-def _tried_size(record: Record, changes: Changes) -> float:
-    """Return the size that is tried, from the standard deviations of the channels."""
+def _whole_size(record: Record, changes: Changes) -> float:
+    """Return the size at which what changes is as large as the standard deviation of a channel."""
     peaks = ((key, largest(change)) for key, change in changes.items())
-    return TRIED_SHARE * min((_spread(record, key) / peak for key, peak in peaks if peak), default=0.0)
+    return min((_spread(record, key) / peak for key, peak in peaks if peak), default=0.0)
 
 
 def _spread(record: Record, key: str) -> float:

@@ -179,8 +179,9 @@ EFFECT_CHANGE = 1e-6
 # Steps become shorter by this factor where they turn back.
 SHORTER = 0.6
 
-# An effect is tried at this share of the readings' size: small, so that directions of motion do not change.
-TRIED_SHARE = 1e-5
+# An effect is tried at this share of the readings' size, and of what it does to directions of motion at this
+# one: most reversals then move to another sample.
+TRIED_SHARE, TURNED_SHARE = 1e-5, 1e-2
 
 # A row feels a force if that leaves more than this share of its terms, beyond rounding, at some frequencies.
 FELT_SHARE, SEEN_AT = 1e-6, 16

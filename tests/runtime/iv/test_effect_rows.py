@@ -67,4 +67,4 @@ def test_what_changes_nothing_turns_nothing() -> None:
     sign = next(one for one in SMALL.features if one.function == "sign")
     read = {signal.channel for signal in SMALL.signals if signal.key == sign.of}
     nothing = {key: np.zeros(record.n) for key in read}
-    assert not np.any(_moved_rows(pushes, record, [{sign.key: 1.0}], nothing, read))
+    assert not np.any(_moved_rows(pushes, record, [{sign.key: 1.0}], nothing, read, {sign.key}))
