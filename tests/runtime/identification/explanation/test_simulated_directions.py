@@ -231,7 +231,7 @@ AXIS_TRUTH = {"J_m": 0.0024, "F_vm": 0.01, "F_sm": 0.25, "J_c": 0.0045, "K": 260
 
 
 def sines_about_rest(seed: int, noise: float) -> Record:
-    """Return 2 s of six sines about rest that reverse the motor 160 times a second, and stop it in between."""
+    """Return 2 s of sines about rest that reverse the motor 160 times a second, and stop it in between."""
     inertia = AXIS_TRUTH["J_m"] + AXIS_TRUTH["J_c"]
     w = np.sqrt(AXIS_TRUTH["K"] * inertia / (AXIS_TRUTH["J_m"] * AXIS_TRUTH["J_c"]))
     t, phases = np.arange(10_000) / 5000.0, np.random.default_rng(seed).uniform(0.0, 6.0, 6)
