@@ -29,6 +29,7 @@ from modelgen.runtime.identification.explanation.simulated_directions import (
     left_a_sample,
     turned,
     with_simulated_directions,
+    with_uncertain_turns,
 )
 from modelgen.runtime.identification.explanation.what_is_left import gained, left_of_each
 from modelgen.runtime.identification.explanation.wider_directions import with_wider_directions
@@ -79,7 +80,8 @@ def with_starts(task: Task, method: IV) -> Begun | None:
     else:
         advice = tuple(estimated(one, size, ()) for one, size in zip(effects, freed.sizes, strict=True))
         told = replace(told, advice=advice)
-    return begun_with(replace(task, method=method), told)
+    begun = begun_with(replace(task, method=method), told)
+    return with_uncertain_turns(begun) if turned(begun) else begun
 
 
 def _with_directions(task: Task, start: Start, freed: Freed) -> tuple[Task, Freed]:

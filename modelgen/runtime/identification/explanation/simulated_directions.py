@@ -131,7 +131,7 @@ def explained_with_directions(begun: Begun, before: Begun | None = None) -> Begu
             told = _unsettled(told, again)
             break
         told, before = again, told
-    return told
+    return told if turned(begun) or not turned(told) else with_uncertain_turns(told)
 
 
 def turned(begun: Begun) -> bool:
