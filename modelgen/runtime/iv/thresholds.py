@@ -219,6 +219,8 @@ SHAPE_ROUNDS, SHAPE_NUMBERS, SHAPE_SETTLED = 6, 2, 0.3
 # Share of a parameter by which it is moved to see what a row takes of its friction: the fourth root of
 # rounding, as the change is a second-order difference of numbers of full precision.
 DIFFERENCED = 1e-4
+# A low-pass passes what it is made for where its cut-off is so many times that frequency.
+SHOWN = 1.25
 # Rounds in which the instants of reversals and the speeds that bend there agree.
 TURNING_ROUNDS = 8
 

@@ -20,10 +20,11 @@ from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.turning_band import turning_band_hz
 from modelgen.runtime.filters.derivatives import differentiate
+from modelgen.runtime.filters.noise_spectrum import reading_spectrum
 from modelgen.runtime.filters.zero_phase import zero_phase
 from modelgen.runtime.iv.companion_simulation import Loop, Simulated, followed_closely
 from modelgen.runtime.iv.instrumental_variables import Setting
-from modelgen.runtime.iv.thresholds import DIFFERENCED, LED_ORDER, TURNING_ROUNDS
+from modelgen.runtime.iv.thresholds import DIFFERENCED, LED_ORDER, SHOWN, TURNING_ROUNDS
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
@@ -147,7 +148,8 @@ def _recorded_speed(
     """Return the speed of a body in a record, in as wide a band as noise leaves, and its change a period.
 
     Within the time that the low-pass resolves, noise is to change the speed by a small share of what turning
-    does. Beyond its band the speed is the simulated one, but for what friction does that turns at other
+    does; where nothing of how the two differ stands out of it, it changes the speed for nothing. Beyond its
+    band the speed is the simulated one, but for what friction does that turns at other
     instants: there, a force on a body moves its inertia alone. All arrays, `level` is the friction, have
     the shape (n,).
     """
@@ -158,7 +160,10 @@ def _recorded_speed(
         return speed, change
     turning = float(np.median(np.abs(simulated.motion[f"a_{body}"][turns])))
     times = 1 - further.order
-    wide_hz = min(turning_band_hz(turning, further.noise, times, record.fs), simulated.led_hz)
+    shown_hz = reading_spectrum(further.motion, record.fs).visible_to_hz(times) or 0.0
+    wide_hz = min(
+        turning_band_hz(turning, further.noise, times, record.fs), simulated.led_hz, SHOWN * shown_hz
+    )
     if wide_hz * record.n < record.fs:  # not a period of what noise leaves lies in the record
         return speed, change
     smooth = zero_phase(further.motion, LED_ORDER, wide_hz, record.fs)
