@@ -122,8 +122,9 @@ def other_directions(
 ) -> dict[str, FloatArray]:
     """Return directions to compare `directions` with: of a simulation led to its record once more.
 
-    By channel, -1 to 1 (no unit), shape (n,) each. Where a body stops for a moment, whether it reverses there hangs on less than its sensor's noise.
-    Bodies turn as this motion does, and not as what is read of them beside it says.
+    By channel, -1 to 1 (no unit), shape (n,) each. Where a body stops for a moment, whether it reverses there
+    hangs on less than its sensor's noise. Bodies turn as this motion does, and not as what is read of them
+    beside it says.
     """
     closer = followed_closely(simulated, choice, loop)
     return directions(closer, bodies, closer.record)
