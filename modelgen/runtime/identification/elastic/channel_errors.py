@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +14,7 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.identification.elastic.encoder_zeros import deflecting, encoder_zeros
 from modelgen.runtime.identification.elastic.force_lags import force_lags, is_lag
-from modelgen.runtime.identification.elastic.row_forces import RowForce
-from modelgen.runtime.identification.task import Task
+from modelgen.runtime.identification.elastic.row_forces import RowForce, nothing
 from modelgen.runtime.identification.thresholds import (
     HALF_SAMPLE,
     LEAST_ALIGNED_GAIN,
@@ -169,8 +170,49 @@ def channel_errors(model: Model, records: int = 1) -> tuple[Effect, ...]:
     ]
     found = [delay_effect(key) for key in read]
     found += [zero_effect(key, None, 1) for key in (*own, *forces) if key in levels]
-    found += force_lags(forces_of_drives(model))
+    found += [*force_lags(forces_of_drives(model)), *mountings(model)]
     return (*encoder_zeros(model, records), *found, *(_gear_effect(key) for key in geared))
+
+
+def mountings(model: Model) -> Iterator[Effect]:
+    """Yield that a gyro or an accelerometer is turned in its mounting, where that is the file's.
+
+    Of one axis that is read alone less is read then: it is off scale.
+    """
+    for one in model.module.SENSORS:
+        key, read = one["key"], [name for name in one.get("channels", ()) if name in model.channels]
+        estimated_turn = any(name.startswith(f"R_{key}_") for name in model.parameters)
+        if one["measures"] not in ("gyro", "accelerometer") or estimated_turn:
+            continue
+        said = (f"{key} is not mounted as the file says",) * 2
+        remedy = 'put its rpy right in the file, or let it have mounting = "estimated"'
+        for first, second in combinations(read, 2):
+            yield Turned(f"turn of {first} to {second}", TILT, *said, remedy, nothing, first, second=second)
+        if len(read) == 1:
+            said, remedy = (f"the gain of {read[0]} is off",) * 2, "calibrate it, or mount it along the axis"
+            yield Effect(f"gain of {read[0]}", "gain", *said, remedy, nothing, read[0], _scaled)
+
+
+@dataclass(frozen=True, eq=False)
+class Turned(Effect):
+    """By how many rad two axes of a sensor are turned against those that the file says."""
+
+    second: str = ""
+
+    def corrected(self, record: Record, index: int, size: float) -> Record:
+        """Return a record whose axes are along those of the file."""
+        first, second = self.channel, self.second
+        by = {first: partial(_turned, record, second, size), second: partial(_turned, record, first, -size)}
+        return record.edited({key: Edit(key, turned) for key, turned in by.items()})
+
+
+def _turned(record: Record, other: str, size: float, samples: FloatArray, start: int) -> FloatArray:
+    along = record.read(other, start, start + len(samples))
+    return np.asarray(np.cos(size) * samples + np.sin(size) * along)
+
+
+def _scaled(key: str, size: float, record: Record) -> Edit:
+    return _times(key, 1.0 / (1.0 + size))
 
 
 def gears(model: Model) -> dict[str, str]:
@@ -216,7 +258,7 @@ def runs_away(effect: Effect, size: float, records: Sequence[Record]) -> bool:
     """Tell whether a delay is too long for the channels of one record, or a gear is another machine's."""
     if isinstance(effect, RowForce):
         return abs(size) > effect.most
-    if effect.kind == "gain":
+    if effect.kind in ("gain", TILT):
         return abs(size) > MOST_ALIGNED_GAIN
     return effect.samples(size, max(record.fs for record in records)) > MOST_ALIGNED_SAMPLES
 
@@ -233,7 +275,7 @@ def resolved(effect: Effect, size: float, records: Sequence[Record]) -> bool:
     """Tell whether a size is more than channels and rows resolve."""
     if effect.kind == "delay" or is_lag(effect):
         return effect.samples(size, max(record.fs for record in records)) > LEAST_ALIGNED_SAMPLES
-    if effect.kind == "gain":
+    if effect.kind in ("gain", TILT):
         return abs(size) > LEAST_ALIGNED_GAIN
     return not below_noise(effect, size, records)
 
@@ -242,38 +284,8 @@ def tried_size(effect: Effect, record: Record) -> float:
     """Return a size, in its unit, that is small against what bends rows, and large against rounding."""
     if effect.kind == "delay":
         return TRIED_SAMPLES / record.fs
-    if effect.kind == "gain":
+    if effect.kind in ("gain", TILT):
         return TRIED_GAIN
     if is_lag(effect):
         return 0.5 * (TRIED_SAMPLES / record.fs) ** 2
     return TRIED_ZERO * (record.facts.extent(effect.channel).span or 1.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Aligned:
-    """Where steps came to rest: the task with records set right, by what, and what rows leave."""
-
-    task: Task
-    known: dict[Effect, float]
-    right: SetRight
-    misfit: float
-
-    @property
-    def commands(self) -> tuple[Effect, ...]:
-        """Delays by which forces are early by half a sample: their own, or one of all other channels."""
-        own = tuple(one for one, size in self.known.items() if by_half(one, size, self.task.records))
-        drives = forces_of_drives(self.task.model)
-        read = set(self.task.model.channels).difference(drives)
-        late = {one: size for one, size in self.known.items() if one.kind == "delay" and one.channel in read}
-        if own or not drives or len(late) < len(read):
-            return own
-        force, sizes = delay_effect(drives[0]), tuple(late.values())
-        alike = (max(sizes) - min(sizes)) * self.task.records[0].fs < HALF_SAMPLE
-        return tuple(late) if alike and by_half(force, -float(np.mean(sizes)), self.task.records) else ()
-
-    @property
-    def early(self) -> tuple[str, ...]:
-        """Forces that are early by half a sample, by their channels."""
-        drives = forces_of_drives(self.task.model)
-        own = tuple(one.channel for one in self.commands if one.channel in drives)
-        return own or (drives if self.commands else ())

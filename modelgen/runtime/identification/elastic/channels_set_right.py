@@ -18,7 +18,6 @@ from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.progress import step
 from modelgen.runtime.identification.cutoffs.choose_cutoff import part_tried
 from modelgen.runtime.identification.elastic.channel_errors import (
-    Aligned,
     SetRight,
     channel_errors,
     forces_of_drives,
@@ -30,7 +29,7 @@ from modelgen.runtime.identification.elastic.command_times import CommandTimes, 
 from modelgen.runtime.identification.elastic.effect_rows import EffectRows
 from modelgen.runtime.identification.elastic.encoder_zeros import EncoderZero, of_other_records
 from modelgen.runtime.identification.elastic.force_gains import ForceGain, force_gains
-from modelgen.runtime.identification.elastic.joint_effects import joint_effects
+from modelgen.runtime.identification.elastic.joint_effects import Aligned, joint_effects
 from modelgen.runtime.identification.elastic.link_forces import link_forces
 from modelgen.runtime.identification.elastic.row_forces import RowForce, row_forces
 from modelgen.runtime.identification.task import Task

@@ -12,6 +12,8 @@ from modelgen.array_types import FloatArray
 from modelgen.runtime.identification.elastic.channel_errors import (
     Instead,
     SetRight,
+    by_half,
+    forces_of_drives,
     resolved,
     runs_away,
 )
@@ -20,10 +22,12 @@ from modelgen.runtime.identification.elastic.encoder_zeros import EncoderZero
 from modelgen.runtime.identification.elastic.force_gains import ForceGain, all_but_one, common_scale
 from modelgen.runtime.identification.elastic.force_lags import is_lag, lag_of_delay
 from modelgen.runtime.identification.elastic.row_forces import RowForce
+from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     ALIGNED_APART,
     ALIKE_PART,
     AS_CERTAIN,
+    HALF_SAMPLE,
     LARGE_PART,
     LEAST_ALIGNED_SHARE,
     LEFT_BIAS,
@@ -32,6 +36,7 @@ from modelgen.runtime.identification.thresholds import (
     TOLD_APART,
 )
 from modelgen.runtime.iv.effect import Effect
+from modelgen.runtime.iv.model_errors import delay_effect
 from modelgen.runtime.iv.score_tests import Score, Span, scores, stacked
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
@@ -259,3 +264,33 @@ def _shown(rows: EffectRows, fit: Fit, chosen: Sequence[Effect]) -> Iterator[Sco
 def _within(effect: Effect, size: float, records: Sequence[Record]) -> bool:
     """Tell whether a size is more than channels resolve, and no more than a mistake makes."""
     return resolved(effect, size, records) and not runs_away(effect, size, records)
+
+
+@dataclass(frozen=True, eq=False)
+class Aligned:
+    """Where steps came to rest: the task with records set right, by what, and what rows leave."""
+
+    task: Task
+    known: dict[Effect, float]
+    right: SetRight
+    misfit: float
+
+    @property
+    def commands(self) -> tuple[Effect, ...]:
+        """Delays by which forces are early by half a sample: their own, or one of all other channels."""
+        own = tuple(one for one, size in self.known.items() if by_half(one, size, self.task.records))
+        drives = forces_of_drives(self.task.model)
+        read = set(self.task.model.channels).difference(drives)
+        late = {one: size for one, size in self.known.items() if one.kind == "delay" and one.channel in read}
+        if own or not drives or len(late) < len(read):
+            return own
+        force, sizes = delay_effect(drives[0]), tuple(late.values())
+        alike = (max(sizes) - min(sizes)) * self.task.records[0].fs < HALF_SAMPLE
+        return tuple(late) if alike and by_half(force, -float(np.mean(sizes)), self.task.records) else ()
+
+    @property
+    def early(self) -> tuple[str, ...]:
+        """Forces that are early by half a sample, by their channels."""
+        drives = forces_of_drives(self.task.model)
+        own = tuple(one.channel for one in self.commands if one.channel in drives)
+        return own or (drives if self.commands else ())

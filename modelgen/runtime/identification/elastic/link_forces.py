@@ -113,12 +113,16 @@ class LinksInMotion:
 
 
 def link_forces(model: Model, records: int) -> Iterator[LinkForce]:
-    """Yield what may be off in the links of an elastic arm, where all rows are told by forces."""
+    """Yield what may be off in the links of an elastic arm, where rows of links are told by forces.
+
+    Sensors that feel accelerations read other ones of other lengths and gravity, but the same of a load.
+    """
     placed = placed_links(model.module) if model.kernel is not None else None
     if placed is None or not _told_by_forces(model):
         return
-    yield from _lengths(placed)
-    yield from _tilts(placed, model)
+    if not any(one["measures"] in ("accelerometer", "acceleration") for one in model.module.SENSORS):
+        yield from _lengths(placed)
+        yield from _tilts(placed, model)
     yield from _loads(placed, records)
 
 
@@ -150,15 +154,14 @@ def shows_links(reads: Mapping[str, FloatArray]) -> bool:
 
 
 def _told_by_forces(model: Model) -> bool:
-    """Tell whether all joints are springs, links are read or given, and no sensor feels accelerations."""
+    """Tell whether all joints are springs, links are read or given, and rows hold no shares of others."""
     joints = moving_joints(model.module)
     sprung = {role.bodies[0] for role in model.roles.values() if role.role == "stiffness"}
-    felt = any(one["measures"] in ("accelerometer", "acceleration") for one in model.module.SENSORS)
     # rows of motors that move several joints hold shares of what their links need
     own = model.module.ROW_KIND == "joint" or {f"{one} link" for one in joints} <= {
         row.name for row in model.rows
     }
-    return shows_links(link_readings(model)) and not felt and own and sprung >= {*joints}
+    return shows_links(link_readings(model)) and own and sprung >= {*joints}
 
 
 def _placed(model: Model) -> PlacedLinks:

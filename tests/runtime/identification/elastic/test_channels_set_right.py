@@ -13,14 +13,13 @@ from modelgen import identify
 from modelgen.render.arms.arm_writer import arm_module
 from modelgen.runtime.identification.elastic import channels_set_right
 from modelgen.runtime.identification.elastic.channel_errors import (
-    Aligned,
     Instead,
     SetRight,
     by_half,
     channel_errors,
     gears,
 )
-from modelgen.runtime.identification.elastic.joint_effects import pulled_size
+from modelgen.runtime.identification.elastic.joint_effects import Aligned, pulled_size
 from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.identification.task import prepared
