@@ -8,29 +8,28 @@ gone: where the difference of two positions does, the spec's ratio or a scale is
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations, pairwise
 
 import numpy as np
 
-from modelgen.array_types import ComplexArray, FloatArray
+from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
+from modelgen.runtime.diagnostics.samples.low_frequencies import (
+    Ratios,
+    alike_lines,
+    low_frequency_ratios,
+)
 from modelgen.runtime.diagnostics.thresholds import (
     ALIKE,
     APART,
-    BANDS,
-    COHERENCE,
-    DEVIATIONS,
     FALLING,
     FEW_SENSORS,
     FIRST_BIN,
-    FLAT,
     OFF,
     REVERSED,
     SAME,
     SAME_FACTOR,
     SMALLEST_BAND,
-    THIRD_OCTAVE,
     TURNED_UNITS,
     UNIT_FACTOR,
     UNIT_TOLERANCE,
@@ -63,23 +62,23 @@ def unlike_units(model: Model, record: Record, keys: Collection[str]) -> Iterato
         ratio = float(np.median(ratios))
         # beyond a resonance a body moves the less the faster the motion is, and the other way
         falls = float(np.ptp(np.log(np.abs(ratios)))) > np.log(FALLING)
-        known = "" if falls else _known_factor(model, one, other, abs(ratio))
+        as_one = not falls and moves_as_one(model) and not _may_be_held(model, record, (one, other), levers)
+        known = _known_factor(one, other, abs(ratio)) if as_one else ""
         if known or not (falls or 1.0 / UNIT_FACTOR < abs(ratio) < UNIT_FACTOR):
             other_unit = f"one of them may be in {known}" if known else "one of them has another unit"
             what = f"moves {_times(abs(ratio))} what {one.key} says at low frequencies: {other_unit}"
             meant = known or "mm for m?"
             yield Advice("unit", where, what, f"check the units of both ({meant}), and scale to SI")
-        elif not falls and (off := _off_ratio(ratios, found)) and moves_as_one(model):
+        elif as_one and (off := _off_ratio(ratios, found)):
             what = f"moves {off:.4g} times as far at low frequencies as {one.key} and the spec's ratios say"
             yield Advice("unit", where, what, OF_RATIOS)
-        elif not falls and moves_as_one(model) and (off := _off_way(record, (one, other), levers, moves)):
+        elif as_one and (off := _off_way(record, (one, other), levers, moves)):
             what = f"moves {off:.5g} times as far as {one.key} and the spec's ratios say, the farther both go"
             yield Advice("unit", where, what, OF_RATIOS)
         # gears may turn two bodies against each other, and beyond a resonance, or about one that friction
         # holds, bodies do
         turned = moves.get(str(one.body), 1.0) * moves.get(str(other.body), 1.0)
-        against = not falls and 1.0 / REVERSED < abs(ratio) < REVERSED and ratio * turned < 0.0
-        if against and moves_as_one(model):
+        if as_one and 1.0 / REVERSED < abs(ratio) < REVERSED and ratio * turned < 0.0:
             what = f"moves against {one.key} at low frequencies: one of them is reversed in sign"
             yield Advice("swapped", where, what, "check the signs of both (--map)")
 
@@ -88,6 +87,34 @@ def _levers(model: Model) -> dict[str, float]:
     """Return how far bodies move when the chain moves as one, those of rows and of actuators."""
     levers = {row.bodies[0]: row.lever for row in model.rows}
     return levers | {actuator.body: actuator.lever for actuator in model.actuators}
+
+
+def _may_be_held(
+    model: Model, record: Record, pair: tuple[Sensor, Sensor], levers: Mapping[str, float]
+) -> bool:
+    """Tell whether friction may hold another body than two that sensors see move.
+
+    Springs bend between a motor that sticks and a load that is moved: other bodies go a part of the way then
+    that is no matter of gears. A body that a sensor sees move along is not held; without one, a body that the
+    spec gives no dry friction is not.
+    """
+    held = {role.bodies[0] for role in model.roles.values() if role.role == "coulomb"}
+    seen = [one for one in model.sensors if one.body in levers and one.key in record.signals]
+    held |= {str(one.body) for one in seen}
+    held -= {str(one.body) for one in (*pair, *seen) if _goes_along(record, pair, one, levers)}
+    return bool(held - {str(one.body) for one in pair})
+
+
+def _goes_along(
+    record: Record, pair: tuple[Sensor, Sensor], third: Sensor, levers: Mapping[str, float]
+) -> bool:
+    """Tell whether a sensor reads as much slow motion, by gears, as one of two others nearly does."""
+    parts = []
+    for sensor in pair:
+        lines = alike_lines(record, sensor, third)
+        size = [float(np.linalg.norm(one[FIRST_BIN : FIRST_BIN + SMALLEST_BAND])) for one in lines]
+        parts.append(size[1] / levers[str(third.body)] * levers[str(sensor.body)] - size[0] / REVERSED)
+    return max(parts) > 0.0
 
 
 def amplitudes_off(model: Model, records: Sequence[Record], one: Sensor, other: Sensor) -> float | None:
@@ -104,7 +131,7 @@ def amplitudes_off(model: Model, records: Sequence[Record], one: Sensor, other: 
         band = slice(FIRST_BIN, FIRST_BIN + SMALLEST_BAND)
         first, second = (
             float(np.linalg.norm(lines[band])) / levers[str(sensor.body)]
-            for lines, sensor in zip(_alike_lines(record, one, other), (one, other), strict=True)
+            for lines, sensor in zip(alike_lines(record, one, other), (one, other), strict=True)
         )
         found.append(abs(float(np.log(second / first))) if first and second else np.inf)
     return max(found)
@@ -158,10 +185,10 @@ def _off_way(
     return 1.0 + off if certain and 1.0 / REVERSED < 1.0 + off < REVERSED else None
 
 
-def _known_factor(model: Model, one: Sensor, other: Sensor, ratio: float) -> str:
+def _known_factor(one: Sensor, other: Sensor, ratio: float) -> str:
     """Return in which unit one of two sensors is whose ratio only that accounts for, empty for none."""
     units = [TURNED_UNITS.get(sensor.unit, {}) for sensor in (one, other)]
-    for factor, unit in {**units[0], **units[1]}.items() if all(units) and moves_as_one(model) else ():
+    for factor, unit in {**units[0], **units[1]}.items() if all(units) else ():
         if abs(abs(np.log(ratio)) - np.log(factor)) < UNIT_TOLERANCE:
             return unit
     return ""
@@ -228,71 +255,3 @@ def _nearest(ratios: Sequence[float]) -> float:
 
 def _times(ratio: float) -> str:
     return f"{ratio:.4g} times" if ratio > 1.0 else f"1/{1.0 / ratio:.4g} of"
-
-
-@dataclass(frozen=True, eq=False)
-class Ratios:
-    """How many times as much as one sensor says another moves, in the lowest bands where they are coherent.
-
-    `values`, of SI units, below zero where they move against each other; `noise`: by how much that may be off
-    in its logarithm because of noise; `squares`: of the frequencies of the motion, lines of the spectrum
-    squared. All of shape (bands,).
-    """
-
-    values: FloatArray
-    noise: FloatArray
-    squares: FloatArray
-
-
-def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> Ratios | None:
-    """Return how many times as much as `one` says `other` moves, both in SI.
-
-    None where too few bands are coherent, or where the ratio changes with the frequency, or its sign: beyond
-    an antiresonance.
-    """
-    first, second = _alike_lines(record, one, other)
-    ratios, along, noise, squares = list[float](), list[float](), list[float](), list[float]()
-    low = FIRST_BIN
-    while low < len(first) and len(ratios) < BANDS:
-        band = slice(low, max(low + SMALLEST_BAND, int(THIRD_OCTAVE * low)))
-        x, y = first[band], second[band]
-        power, product = float(np.vdot(x, x).real), complex(np.vdot(x, y))
-        cross = abs(product)
-        powers = float(np.vdot(y, y).real)
-        largest = float(np.sqrt(power) * np.sqrt(powers))
-        if power > 0.0 and cross > COHERENCE * largest > 0.0:
-            ratios.append(cross / power)
-            along.append(product.real / cross)
-            squares.append(float(np.abs(x) ** 2 @ np.arange(band.start, band.start + len(x)) ** 2.0) / power)
-            # noise of the first sensor alone lowers the ratio by the square of the coherence
-            squared = min(cross / largest, 1.0) ** 2
-            noise.append(-np.log(squared) + DEVIATIONS * np.sqrt((1.0 - squared) / (2.0 * squared * len(x))))
-        low = band.stop
-    if len(ratios) < BANDS or max(ratios) > FLAT * min(ratios) or min(along) < 0.0 < max(along):
-        return None
-    return Ratios(np.copysign(ratios, np.median(along)), np.asarray(noise), np.asarray(squares))
-
-
-def _alike_lines(record: Record, one: Sensor, other: Sensor) -> tuple[ComplexArray, ComplexArray]:
-    """Return the lines of two sensors, both of the same derivative; of a long record where it moves most."""
-    parts = record.facts.stretches(one.key)
-    moves = [float(np.ptp(part)) for part in parts]
-    most = moves.index(max(moves))
-    first, second = (record.facts.lines(sensor.key, most) for sensor in (one, other))
-    derivatives = other.order - one.order
-    if derivatives > 0:
-        first = _derived(record, one.key, most, derivatives)
-    elif derivatives < 0:
-        second = _derived(record, other.key, most, -derivatives)
-    return first, second
-
-
-def _derived(record: Record, key: str, part: int, order: int) -> ComplexArray:
-    """Return the lines of a derivative of a channel, from differences and under the same window.
-
-    A motion that does not end where it began has lines of its own, which (j omega)^order would take for
-    motion.
-    """
-    samples = record.facts.stretches(key)[part]
-    derived = np.diff(samples, order) * record.fs**order
-    return np.asarray(np.fft.rfft(derived * np.hanning(len(derived)), len(samples)))

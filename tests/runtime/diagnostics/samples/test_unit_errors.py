@@ -9,13 +9,8 @@ import pytest
 
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.diagnostics.samples import unit_errors
-from modelgen.runtime.diagnostics.samples.unit_errors import (
-    Ratios,
-    _off_ratio,
-    low_frequency_ratios,
-    unlike_nominal,
-    unlike_units,
-)
+from modelgen.runtime.diagnostics.samples.low_frequencies import Ratios, low_frequency_ratios
+from modelgen.runtime.diagnostics.samples.unit_errors import _off_ratio, unlike_nominal, unlike_units
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.options import values_of
 from modelgen.runtime.model.model import Model
@@ -193,6 +188,48 @@ def test_a_load_that_is_moved_about_a_motor_that_sticks_is_not_told_to_be_revers
     found = Ratios(np.array(values), np.full(3, 1e-3), np.array([1.0, 4.0, 9.0]))
     monkeypatch.setattr(unit_errors, "low_frequency_ratios", lambda *_: found)
     assert set(kinds) >= {kind for kind, _ in said(clean()[1])} >= set(kinds[1:])
+
+
+MILL = """
+chain = { name = "mill", motion = "rotation" }
+bodies = [
+    { name = "m", inertia = "J_m", coulomb = "F_sm" },
+    { name = "g", inertia = "J_g", coulomb = "F_sg" },
+    { name = "l", inertia = "J_l", actuator = "F" },
+]
+links = [
+    { bodies = ["m", "g"], stiffness = "K_m", damping = "D_m" },
+    { bodies = ["g", "l"], stiffness = "K_g", damping = "D_g" },
+]
+[sensors.ends]
+q_m = { body = "m", measures = "position" }
+q_l = { body = "l", measures = "position" }
+[sensors.all]
+q_m = { body = "m", measures = "position" }
+q_g = { body = "g", measures = "position" }
+q_l = { body = "l", measures = "position" }
+"""
+SMOOTH = MILL.replace(', coulomb = "F_sg"', "")
+
+
+@pytest.mark.parametrize(
+    ("text", "pair", "ways", "told"),
+    [
+        (MILL, ("q_g", "q_l"), {"q_m": 1e-3, "q_g": 1.0, "q_l": 5.0}, False),
+        (MILL, ("q_g", "q_l"), {"q_m": 1.0, "q_g": 1.0, "q_l": 5.0}, True),
+        (MILL, ("q_m", "q_l"), {"q_m": 1.0, "q_l": 5.0}, False),
+        (SMOOTH, ("q_m", "q_l"), {"q_m": 1.0, "q_l": 5.0}, True),
+    ],
+)
+def test_what_goes_a_part_of_the_way_about_a_body_that_sticks_has_no_wrong_ratio(
+    text: str, pair: tuple[str, str], ways: dict[str, float], told: bool
+) -> None:
+    """A hand on the load bends two springs; who sees the third body go along knows that it is not held."""
+    model = model_of(text, "all" if len(ways) > 2 else "ends")
+    lines = np.fft.rfft(np.random.default_rng(0).standard_normal(4000))
+    push = np.fft.irfft(lines / np.maximum(np.arange(len(lines)), 1.0) ** 2, 4000)
+    record = Record({key: way * push for key, way in {**ways, "F": 1.0}.items()}, 1000.0, "pushed")
+    assert [one.kind for one in unlike_units(model, record, pair)] == ["unit"] * told
 
 
 def test_a_motion_that_ends_elsewhere_is_not_told_to_be_reversed() -> None:
