@@ -46,6 +46,9 @@ DEFLECTED = 3.0
 SHORTEST_MEAN, LONGEST_MEAN, WHOLE_SAMPLE = 0.2, 1.1, 0.1
 # No command acts before it is given: by more than this share of a sample it is another cause.
 LEAST_BEFORE = 0.2
+# Bends of a force at every sample count where they move a parameter by more than so many standard deviations:
+# half of one widens its interval by a tenth.
+LEAST_BENT = 0.5
 # Of two explanations the other one counts where its chance is at least this, and it moves a parameter by more
 # than so many standard deviations; the largest exponent of odds.
 HARDLY_SHOWS, HARDLY_MOVES, MOST_EXPONENT = 1e-3, 0.1, 50.0

@@ -20,6 +20,8 @@ from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 
 Changes = Mapping[str, FloatArray]
+# takes a column, (n,) a block in SI, to what it moves X by, (c,)
+Moved = Callable[[Sequence[FloatArray]], FloatArray]
 Response = Callable[[FloatArray], ComplexArray]
 # Kinds of what happens about reversals where rows use samples there: a late change of direction, and another
 # form of friction. Rows know directions from a low-passed velocity only, and are no more exact than that.

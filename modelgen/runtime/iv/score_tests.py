@@ -15,7 +15,7 @@ from math import inf
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.iv.effect import FORCES, Effect
+from modelgen.runtime.iv.effect import FORCES, Effect, Moved
 from modelgen.runtime.iv.thresholds import (
     AT_A_TIME,
     CANCELLED,
@@ -31,11 +31,11 @@ from modelgen.runtime.iv.thresholds import (
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, long_run
 from modelgen.runtime.least_squares.spanned import Spanned
-from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.block_column import block_column
 from modelgen.runtime.numerics.few_instants import USUAL
 from modelgen.runtime.numerics.regressor import Regressors
 from modelgen.runtime.numerics.tails import likely_square, normal_beyond
+from modelgen.runtime.parameters.thresholds import BEYOND_CHANCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,13 +130,18 @@ def scores(
 
 
 def moves_within(
-    span: Span, grown: Sequence[Sequence[FloatArray]], doubtful: bool = False, own: float = LEAST_OWN_SHARE
+    span: Span,
+    grown: Sequence[Sequence[FloatArray]],
+    doubtful: bool = False,
+    own: float = LEAST_OWN_SHARE,
+    most: float = inf,
 ) -> FloatArray:
     """Return what effects move whose sizes are known to be about 1 at most, as a mean square, shape (c, c).
 
     They are not estimated, but what the residual says of a size counts (`likely_square`). What moves nothing
     by more than rounding is left out: the instants at which it acts are not used. `grown` is as in `scores`,
-    `own` as `least_own` there, and `doubtful` tells whether effects are as likely not there at all.
+    `own` as `least_own` there, and `doubtful` tells whether effects are as likely not there at all. With
+    `most` a size lies between zero and that: where the residual says otherwise it is of something else.
     """
     fit, slope = span.fit, span.slope
     total = np.zeros((len(fit.columns),) * 2)
@@ -148,23 +153,13 @@ def moves_within(
         size = float(told.along[place]) / power if power > 0.0 else 0.0
         if power > own * float(told.whole[place]):
             (std,) = _deviations(fit, span.left, span.apart(stacked(fit, column)), size, power, (USUAL,))
-        if fit.white is not None:
-            move = fit.white.moved(column)[: len(fit.columns)]
-        else:
-            move = told.share[:, place] if slope is None else slope @ told.share[:, place]
-        if np.all(np.abs(move) <= LEAST_DRIFT * spread):
+        plain = told.share[:, place] if slope is None else slope @ told.share[:, place]
+        move = plain if span.moved is None else span.moved(column)[: len(fit.columns)]
+        elsewhere = most < inf and max(size - most, -size) > BEYOND_CHANCE * std
+        if elsewhere or np.all(np.abs(move) <= LEAST_DRIFT * spread):
             continue
-        total += likely_square(size, std, doubtful) * np.outer(move, move)
+        total += min(likely_square(size, std, doubtful), most**2) * np.outer(move, move)
     return total
-
-
-def slope_of(model: Model, fit: Fit) -> FloatArray | None:
-    """Return how columns grow with the physical parameters, in SI, where these were fitted, shape (c, p)."""
-    values = fit.physical(model.parameters)
-    if values is None:
-        return None
-    places = [model.base_parameters.index(name) for name in fit.columns]
-    return model.base_jacobian(values)[places]
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +189,11 @@ class Span:
     """
 
     def __init__(
-        self, fit: Fit, others: Sequence[Sequence[FloatArray]] = (), slope: FloatArray | None = None
+        self,
+        fit: Fit,
+        others: Sequence[Sequence[FloatArray]] = (),
+        slope: FloatArray | None = None,
+        moved: Moved | None = None,
     ) -> None:
         """Take a fit, and how Y - W X grows with what is estimated already (delays, effects).
 
@@ -205,7 +204,10 @@ class Span:
             One array a block of the fit for each.
         slope : array, shape (c, p), optional
             How X grows with the p parameters that were fitted in its place.
+        moved : callable, optional
+            Where the weights of the fit are others; `fit.white` has its own.
         """
+        self.moved = fit.white.moved if moved is None and fit.white is not None else moved
         R = fit.regressors if slope is None else fit.regressors.mixed(slope)
         self.fit, self.slope, free = fit, slope, R.columns
         self._spanned = Spanned(R.joined(others).weighted(fit.weights))

@@ -123,3 +123,14 @@ def late_or_lagging(channels: Sequence[str]) -> tuple[str, ...]:
         f"whether {' and '.join(channels)} {are} late by the same time at all frequencies or behind a lag "
         "(a current loop, a filter) hardly shows: the intervals hold either",
     )
+
+
+def bent_or_smooth(channels: Sequence[str]) -> tuple[str, ...]:
+    """Return the note on forces that may do something else between their samples than a smooth one does."""
+    if not channels:
+        return ()
+    bend = "bends" if len(channels) == 1 else "bend"
+    return (
+        f"whether {' and '.join(channels)} {bend} at every sample (a current loop behind a sampled "
+        "controller) hardly shows: the intervals hold either; record it more often than its controller acts",
+    )

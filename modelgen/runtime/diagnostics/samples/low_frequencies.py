@@ -64,7 +64,10 @@ def low_frequency_ratios(record: Record, one: Sensor, other: Sensor) -> Ratios |
 
 
 def alike_lines(record: Record, one: Sensor, other: Sensor) -> tuple[ComplexArray, ComplexArray]:
-    """Return the lines of two sensors, both of the same derivative; of a long record where it moves most."""
+    """Return the lines of two sensors, (lines,) in SI, both of the same derivative.
+
+    Of a long record where it moves most.
+    """
     parts = record.facts.stretches(one.key)
     moves = [float(np.ptp(part)) for part in parts]
     most = moves.index(max(moves))

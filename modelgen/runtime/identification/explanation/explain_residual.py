@@ -13,7 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.identification.explanation.explained import Explained, Shown
+from modelgen.runtime.identification.explanation.explained import (
+    Explained,
+    Shown,
+    slope_of,
+)
 from modelgen.runtime.identification.explanation.folded_forces import forces_bend
 from modelgen.runtime.identification.explanation.look_at_residual import (
     Seen,
@@ -30,9 +34,9 @@ from modelgen.runtime.iv.effect import DIRECTION, FORCES, LOW_PASSES, Effect
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.instrumental_variables import Setting
 from modelgen.runtime.iv.other_explanations import Looked, other_explanations
-from modelgen.runtime.iv.score_tests import Score, slope_of
+from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.iv.thresholds import LITTLE_OWN
-from modelgen.runtime.iv.told_effects import estimated, late_or_lagging, left_of, summed
+from modelgen.runtime.iv.told_effects import bent_or_smooth, estimated, late_or_lagging, left_of, summed
 from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.rows.given_directions import brings_directions
@@ -60,7 +64,7 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
     none = np.zeros((len(fit.columns),) * 2)
     search = Search(job, slope_of(job.model, fit), now, effects, len(effects), {}, none)
     seen = search.look()
-    labels, hidden = late_or_lagging(seen.either), seen.hidden
+    labels, hidden = _open_sizes(seen), seen.hidden
     if fit.carried is not None:
         drift, shown = _held(job, now.fit, seen.found)
         told = tuple(left_of(one, shown) for one in shown[:1])
@@ -71,6 +75,13 @@ def explained(job: Job, now: Freed, fit: Fit, effects: tuple[Effect, ...] = ()) 
         search = search.step(seen)
         seen = seen if search.ended else search.look()
     return _concluded(search, seen, (*summed((*hidden, *seen.hidden), search.effects), *labels))
+
+
+def _open_sizes(seen: Seen) -> tuple[str, ...]:
+    """Return the notes on what forces and delays may be that the residual hardly shows."""
+    if seen.unsized is None:
+        return ()
+    return (*late_or_lagging(seen.unsized.either), *bent_or_smooth(seen.unsized.bent))
 
 
 def _concluded(search: Search, seen: Seen, labels: tuple[str, ...]) -> Explained:

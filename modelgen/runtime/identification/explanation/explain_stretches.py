@@ -26,6 +26,7 @@ from modelgen.runtime.identification.explanation.explained import (
     Explained,
     begun_with,
     run_method,
+    slope_of,
     with_carried_effects,
 )
 from modelgen.runtime.identification.explanation.look_at_residual import look
@@ -36,7 +37,7 @@ from modelgen.runtime.identification.thresholds import LATE_CLEARLY, SEARCHED, S
 from modelgen.runtime.iv.effect import RIPPLE, Effect
 from modelgen.runtime.iv.low_pass import without_starts
 from modelgen.runtime.iv.model_errors import zero_effect
-from modelgen.runtime.iv.score_tests import Score, slope_of
+from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.iv.shapes.shaped_effects import fit_in_shape
 from modelgen.runtime.iv.told_effects import held_instead
 from modelgen.runtime.least_squares.delays import advanced

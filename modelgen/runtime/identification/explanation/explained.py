@@ -16,6 +16,7 @@ from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LEFT_SHARE, OVER_NOISE, ZERO_APART
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.rows.observation import Observation
 
 if TYPE_CHECKING:
@@ -165,3 +166,12 @@ def exceeding(one: Begun, share: float = 0.0, multiple: float = OVER_NOISE) -> b
 def unexplained(one: Begun) -> bool:
     """Tell whether noise does not explain a row that is left, or what is left where an effect is told."""
     return bool(exceeding(one, LEFT_SHARE) or (noted(one.found.advice)[0] and exceeding(one)))
+
+
+def slope_of(model: Model, fit: Fit) -> FloatArray | None:
+    """Return how columns grow with the physical parameters, in SI, where these were fitted, shape (c, p)."""
+    values = fit.physical(model.parameters)
+    if values is None:
+        return None
+    places = [model.base_parameters.index(name) for name in fit.columns]
+    return model.base_jacobian(values)[places]

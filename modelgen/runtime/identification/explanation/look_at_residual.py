@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,19 +10,23 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise
-from modelgen.runtime.identification.explanation.folded_forces import folded_forces
+from modelgen.runtime.identification.explanation.folded_forces import (
+    MovedByUnsized,
+    moved_by_unsized,
+    unsized_effects,
+    white_moves,
+)
 from modelgen.runtime.identification.explanation.hidden_friction import moved_by_hidden_friction
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.thresholds import MOST_TRIED, OVER_NOISE, SUSPECTED
 from modelgen.runtime.iv.companion_simulation import Simulated
-from modelgen.runtime.iv.effect import DIRECTION, LOW_PASSES, Effect, unlike
+from modelgen.runtime.iv.effect import DIRECTION, Effect, unlike
 from modelgen.runtime.iv.effect_rows import effect_rows, simulated_records
 from modelgen.runtime.iv.freed_effects import Freed
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
-from modelgen.runtime.iv.low_pass import lag_for_delay
 from modelgen.runtime.iv.model_errors import effects_of
 from modelgen.runtime.iv.noise_on_rows import NoiseRows, noise_rows, rounded_rows
-from modelgen.runtime.iv.score_tests import Score, Span, moves_within, scores, stacked
+from modelgen.runtime.iv.score_tests import Score, Span, scores, stacked
 from modelgen.runtime.iv.shapes.creep import creep_effects, creeping_links
 from modelgen.runtime.iv.shapes.mass_search import further_masses
 from modelgen.runtime.iv.shapes.ripple_search import ripples
@@ -30,7 +34,6 @@ from modelgen.runtime.iv.shapes.shape_search import ShapeRows
 from modelgen.runtime.iv.thresholds import EXACTNESS, LEVEL, LITTLE_OWN, ROUNDED_AT
 from modelgen.runtime.iv.told_effects import within_rounding
 from modelgen.runtime.least_squares.fit import Fit
-from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.numerics.few_instants import USUAL
 from modelgen.runtime.numerics.tails import normal_beyond
 
@@ -44,7 +47,7 @@ class Seen:
     more than noise.
     `rounded` names those, estimated or not, that encoders are too coarse for.
     `folded` is what forces that bend between samples, lags in place of delays and hidden friction move, as a
-    mean square, shape (c, c); `either` are channels whose lags widen intervals more than noise does.
+    mean square, shape (c, c); `unsized` has the channels for which that is told.
     """
 
     found: tuple[Score, ...] = ()
@@ -54,7 +57,7 @@ class Seen:
     shapes: tuple[Effect, ...] = ()
     folded: FloatArray | None = None
     rounded: frozenset[str] = frozenset()
-    either: tuple[str, ...] = ()
+    unsized: MovedByUnsized | None = None
 
 
 def look(
@@ -84,10 +87,10 @@ def look(
     tested = [one for one in unlike(every, known) if not kinds or one.kind in kinds]
     others = now.others or tuple(job.rates(now.fit, tuple(now.setting.records), channel)
                                  for channel, _, _ in now.fit.delays)  # fmt: skip
-    unsized = folded_forces(job.model), tuple(_lags_for_delays(job, now, known))
-    grown = effect_rows(now.fit, now.setting, simulated, (*tested, *unsized[0], *unsized[1]))
+    unsized = unsized_effects(job, now, known)
+    grown = effect_rows(now.fit, now.setting, simulated, (*tested, *unsized.every))
     rows, folds = grown[: len(tested)], grown[len(tested) :]
-    span = Span(now.fit, others, slope)
+    span = Span(now.fit, others, slope, white_moves(job, now.fit, slope))
     found = _one_a_name(scores(span, tested, rows))
     best = {one.effect.name: one.effect for one in found}
     shapes: tuple[Effect, ...] = ()
@@ -113,38 +116,12 @@ def look(
     rounded = frozenset(effect.name for effect, size in sized if within_rounding(effect, size, simulated))
     told = {one.effect.name for one in found if one.own > LITTLE_OWN}
     hidden = {effect: row for effect, row in zip(tested, rows, strict=True) if effect.name not in told}
-    folded, either = _moved_by_unsized(span, unsized, folds)
-    folded = folded + moved_by_hidden_friction(job.model, span, simulated, known, hidden)
+    open_sizes = moved_by_unsized(span, unsized, folds)
+    folded = open_sizes.square + moved_by_hidden_friction(job.model, span, simulated, known, hidden)
     kept = [best.get(effect.name, effect) is effect and effect.name not in beyond for effect in tested]
     left = [entry for entry, stays in zip(zip(tested, rows, strict=True), kept, strict=True) if stays]
     apart, told_by = tuple(one for one, _ in left), tuple(row for _, row in left)
-    return Seen(found, tuple(hidden), apart, told_by, shapes, folded, rounded, either)
-
-
-def _lags_for_delays(job: Job, now: Freed, known: Sequence[Effect]) -> Iterator[Effect]:
-    """Yield a lag for each delay that is estimated: which of the two it is shows at high frequencies only."""
-    forces = {one.key for one in job.model.actuators}
-    sized = dict(zip(job.effects, job.all_sizes, strict=True)) | dict(zip(known, now.sizes, strict=True))
-    bent = {one.channel for one in sized if one.kind in LOW_PASSES}
-    delays = {channel: delay for channel, delay, _ in now.fit.delays}
-    delays |= {one.channel: size for one, size in sized.items() if one.kind == "delay"}
-    for channel, delay in delays.items():
-        if channel not in bent and delay:
-            yield lag_for_delay(channel, delay, channel in forces)
-
-
-def _moved_by_unsized(
-    span: Span, unsized: tuple[Sequence[Effect], Sequence[Effect]], grown: Sequence[Sequence[FloatArray]]
-) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return what folds and lags of sizes about 1 move, (c, c), and the channels whose lags matter."""
-    folds, lags = unsized
-    folded, either = moves_within(span, grown[: len(folds)]), list[str]()
-    noise = np.diag(hac_covariance(span.fit, grown=False))
-    for lag, column in zip(lags, grown[len(folds) :], strict=True):
-        moved = moves_within(span, [column], doubtful=True)
-        folded = folded + moved
-        either += [lag.channel] * bool(np.any(np.diag(moved) > noise))
-    return folded, tuple(either)
+    return Seen(found, tuple(hidden), apart, told_by, shapes, folded, rounded, open_sizes)
 
 
 def _beyond_rounding(
