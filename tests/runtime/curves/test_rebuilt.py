@@ -56,7 +56,7 @@ def test_rows_that_springs_place_are_rebuilt_about_the_estimate(
     model, record, _ = made(case)
     record = noisy(model, record, 1)
     if case == "torques at links":
-        monkeypatch.setattr("modelgen.runtime.identification.given_positions.MOST_STEPS", 0)
+        monkeypatch.setattr("modelgen.runtime.identification.elastic.rest.MOST_STEPS", 0)
     estimate = modelgen.identify(model, record, "wls", checks=QUICK)
     assert sum(name[0] in "KD" for name in estimate.params) <= left
     rows, _ = rebuild(model, [record], estimate)
