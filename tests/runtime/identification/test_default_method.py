@@ -76,9 +76,9 @@ def test_a_chirp_about_rest_gives_no_delay_and_intervals_that_hold(method: Metho
         assert abs(value - TRUTH[name]) < 3.0 * estimate.bse[name], name
     assert {"J_m", "J_c", "K"} <= set(estimate.params)
     assert estimate.bse["J_m"] < 0.05 * TRUTH["J_m"]
-    # the default simulates directions, and finds none late any more
-    said = "direction of m changes" if isinstance(method, IV) else "directions near reversals are those"
-    assert any(said in note for note in estimate.fit.notes)
+    # the default simulates directions, and finds none late any more; those of low-passed velocities may be
+    if isinstance(method, Auto):
+        assert any("directions near reversals are those" in note for note in estimate.fit.notes)
 
 
 @pytest.mark.slow
