@@ -98,11 +98,13 @@ def _may_be_held(
     that is no matter of gears. A body that a sensor sees move along is not held; without one, a body that the
     spec gives no dry friction is not.
     """
-    held = {role.bodies[0] for role in model.roles.values() if role.role == "coulomb"}
+    own = {one.body for one in pair}
     seen = [one for one in model.sensors if one.body in levers and one.key in record.signals]
-    held |= {str(one.body) for one in seen}
-    held -= {str(one.body) for one in (*pair, *seen) if _goes_along(record, pair, one, levers)}
-    return bool(held - {str(one.body) for one in pair})
+    others = [one for one in seen if one.body not in own]
+    held = {role.bodies[0] for role in model.roles.values() if role.role == "coulomb"}
+    held |= {str(one.body) for one in others}
+    held -= {str(one.body) for one in others if _goes_along(record, pair, one, levers)}
+    return bool(held - own)
 
 
 def _goes_along(

@@ -13,11 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.identification.explanation.explained import (
-    Explained,
-    Shown,
-    slope_of,
-)
+from modelgen.runtime.identification.explanation.explained import Explained, Shown, slope_of
 from modelgen.runtime.identification.explanation.folded_forces import forces_bend
 from modelgen.runtime.identification.explanation.look_at_residual import (
     Seen,

@@ -22,12 +22,13 @@ from modelgen.runtime.identification.explanation.explained import Begun, begun_a
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import physical_setting, run_wls
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import (
-    TURNED_GAIN,
-    TURNED_ROUNDS,
-    TURNS_MOVE,
+from modelgen.runtime.identification.thresholds import TURNED_GAIN, TURNED_ROUNDS, TURNS_MOVE
+from modelgen.runtime.iv.companion_simulation import (
+    Loop,
+    Simulated,
+    followed_closely,
+    simulated_beside,
 )
-from modelgen.runtime.iv.companion_simulation import Loop, followed_closely, simulated_beside
 from modelgen.runtime.iv.instrumental_variables import simulation_parameters
 from modelgen.runtime.iv.physical.composite_iv import moved_by_turns
 from modelgen.runtime.iv.physical.friction_rows import directions, other_directions
@@ -91,18 +92,16 @@ def with_uncertain_turns(begun: Begun) -> Begun:
         return _moved(begun, moved_by_turns(setting, rows, fit, rules))
     late = {channel: delay for channel, delay, _ in fit.delays}
     values = possible(job.model, simulation_parameters(job.model, fit))
-    read, turned = [], []
+    read, closer = list[Record](), list[Record]()
     for record in job.records:
-        on_time = advanced(record, late)
-        beside = simulated_beside(job.model, values, on_time, job.choice, job.loop)
-        close = followed_closely(beside, job.choice, job.loop)
+        on_time, close = _followed(record, job.model, values, job.choice, job.loop, late)
         other = other_directions(close, bodies_with_signs(job.model), job.choice, job.loop)
         read.append(on_time)
-        turned.append(on_time.edited(other))
+        closer.append(on_time.edited(other))
     every = job.reversing or (job.turns and not task.method.consistent)
     own, again = (
         with_given_directions(rows, job.model, records, job.choice, job.drop, every)
-        for records in (read, turned)
+        for records in (read, closer)
     )
     return _moved(begun, _move(fit, again, own))
 
@@ -274,7 +273,20 @@ def _with_directions(
     """Return records with the directions of bodies as channels, of a simulation with physical parameters."""
     found, bodies = [], bodies_with_signs(model)
     for record in records:
-        on_time = advanced(record, late)
-        one = simulated_beside(model, values, on_time, choice, loop)
-        found.append(record.edited(directions(followed_closely(one, choice, loop), bodies, on_time)))
+        on_time, close = _followed(record, model, values, choice, loop, late)
+        found.append(record.edited(directions(close, bodies, on_time)))
     return tuple(found)
+
+
+def _followed(
+    record: Record,
+    model: Model,
+    values: Mapping[str, float],
+    choice: FilterChoice,
+    loop: Loop | None,
+    late: Mapping[str, float],
+) -> tuple[Record, Simulated]:
+    """Return a record less its delays, and a simulation that is kept close to it."""
+    on_time = advanced(record, late)
+    beside = simulated_beside(model, values, on_time, choice, loop)
+    return on_time, followed_closely(beside, choice, loop)

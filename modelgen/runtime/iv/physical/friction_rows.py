@@ -62,13 +62,13 @@ def with_friction(
     values : mapping of str to float
         The physical parameters (SI) of the solution.
     """
-    bodies = _bodies(fit, setting)
-    records = [_with_directions(setting.records, bodies, one) for one in simulated]
-    if setting.closer:
-        records = [
-            record.edited(other_directions(one, bodies, setting.choice, setting.loop))
-            for record, one in zip(records, simulated, strict=True)
-        ]
+    bodies = sorted(_bodies(fit, setting))
+    records = [
+        setting.records[one.index].edited(other_directions(one, bodies, setting.choice, setting.loop))
+        if setting.closer
+        else _with_directions(setting.records, bodies, one)
+        for one in simulated
+    ]
     parts = [(block.W, block.Y) for block in fit.blocks]
     found = _added(parts, fit, setting, records, values)
     blocks = tuple(
