@@ -185,6 +185,9 @@ CALM = 1.5
 # many samples intervals of noisy records of 1e6 came out up to twelve times as wide; with half as many
 # stretches those of long chirps did, of which each shows one band.
 SEARCHED, STRETCHES = 1 << 16, 4
+# Where filters leave that room, means over at least so many samples are taken in place of stretches, at least
+# so many a period of the highest cut-off: differences of these err by little.
+LEAST_THINNED, FINE = 4, 20.0
 
 # Limits of memory are stated in these.
 MEGABYTE = 1e6

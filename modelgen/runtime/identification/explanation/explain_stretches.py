@@ -7,6 +7,7 @@ its stretches have as well, and 65,000 samples show them as a million do.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 
@@ -15,6 +16,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.identification.cutoffs.thinner_records import thinner
 from modelgen.runtime.identification.explanation.explain_residual import (
     found_by,
     timing_is_open,
@@ -24,6 +26,7 @@ from modelgen.runtime.identification.explanation.explain_residual import (
 from modelgen.runtime.identification.explanation.explained import (
     Begun,
     Explained,
+    begun_at,
     begun_with,
     run_method,
     slope_of,
@@ -75,7 +78,8 @@ def decided_by_stretches(
 
     Notes
     -----
-    Where stretches find nothing, or leave more unexplained than noise adds, the whole records decide.
+    Where stretches find nothing, or leave more unexplained than noise adds, the whole records decide. Means
+    have been looked at over all of the time, as whole records would be.
     """
     stretches, record_of = _task_of_stretches(chosen)
     try:
@@ -83,12 +87,13 @@ def decided_by_stretches(
     except (IdentifiabilityError, DataError):
         return decide(task)
     whole, told = _on_all(chosen, begun, record_of), begun.found
-    plain = _from_near(whole.job, told.fit, whole.method)
+    plain = _from_near(begun_at(whole, begun).job, told.fit, whole.method)
     if told.fit.columns != plain.fit.columns:  # stretches answer less than all of a record
         return decide(task)
     found = _with_effects(whole, plain, told, record_of)
     fit = replace(found.fit, notes=(told.fit.notes[0], *found.fit.notes))
-    return checked(begun_with(whole, replace(found, fit=fit)))
+    begun = begun_with(whole, replace(found, fit=fit))
+    return checked(begun) if stretches.job.share < 1.0 else begun
 
 
 def explained_by_stretches(task: Task, method: IV, explain: Callable[[Task], Begun]) -> Begun:
@@ -109,11 +114,11 @@ def explained_by_stretches(task: Task, method: IV, explain: Callable[[Task], Beg
     """
     stretches, record_of = _task_of_stretches(task)
     try:
-        told = explain(stretches).found
+        begun = explain(stretches)
     except (IdentifiabilityError, DataError):
         return run_method(task, method)
-    task = replace(task, method=method)
-    plain = _from_near(task.job, told.fit, method)
+    task, told = replace(task, method=method), begun.found
+    plain = _from_near(begun_at(task, begun).job, told.fit, method)
     if told.fit.columns != plain.fit.columns:
         return Begun(task, plain)
     return begun_with(task, _with_effects(task, plain, told, record_of))
@@ -127,7 +132,7 @@ def _with_effects(task: Task, plain: Explained, told: Explained, record_of: list
         better = _known_better(task.job, plain, told.held)
         drift, unsolved = told.drift + better, told.unsolved + better
         return replace(plain, drift=drift, unsolved=unsolved, advice=told.advice)
-    if any(effect.kind == RIPPLE for effect in told.effects):
+    if len(record_of) > len(task.records) and any(effect.kind == RIPPLE for effect in told.effects):
         # stretches have phases of their own, and do not tell the period well enough for whole records
         return _held(plain, told)
     effects, job = _of_records(told.effects, record_of, len(task.records)), task.job
@@ -225,20 +230,20 @@ def with_timing_by_stretches(job: Job, method: IV, found: Explained) -> Explaine
 
 def _task_of_stretches(task: Task) -> tuple[Task, list[int]]:
     """Return the task of stretches of long records, and the record that each is of."""
-    job, record_of = _in_stretches(task.job)
-    every, taken = (sum(record.n for record in one.records) for one in (task.job, job))
+    whole = thinner(task.job) or task.job
+    job, record_of = _in_stretches(whole)
+    every, taken = (sum(record.duration_s for record in one.records) for one in (whole, job))
     job = replace(job, share=taken / every)
     return replace(task, records=job.records, choice=job.choice, job=job), record_of
 
 
 def _in_stretches(job: Job) -> tuple[Job, list[int]]:
-    """Return the job of stretches of long records, and the record that each is of."""
+    """Return the job of stretches of long records, or of means, and the record that each is of."""
+    job = thinner(job) or job
     stretches = [_stretches(record) for record in job.records]
     factors = tuple(factor for factor, one in zip(job.choice.decimation, stretches, strict=True) for _ in one)
-    records, choice = (
-        tuple(part for one in stretches for part in one),
-        replace(job.choice, decimation=factors),
-    )
+    records = tuple(part for one in stretches for part in one)
+    choice = replace(job.choice, decimation=factors)
     parts = replace(job, records=records, choice=choice, surveys=())
     return parts, [index for index, one in enumerate(stretches) for _ in one]
 
@@ -246,8 +251,10 @@ def _in_stretches(job: Job) -> tuple[Job, list[int]]:
 def _on_all(task: Task, begun: Begun, record_of: list[int]) -> Task:
     """Return a task with the settings that stretches decided, and what they did to the records."""
     decided, job = begun.task, begun.task.job
-    factors = dict(zip(record_of, job.choice.decimation, strict=True))
-    choice = replace(job.choice, decimation=tuple(factors[index] for index in range(len(task.records))))
+    rates = zip(job.choice.decimation, job.records, strict=True)
+    steps_s = dict(zip(record_of, (factor / part.fs for factor, part in rates), strict=True))
+    factors = tuple(round(steps_s[index] * record.fs) for index, record in enumerate(task.records))
+    choice = replace(job.choice, decimation=factors)
     task = task.changed(*decided.changes)
     records = task.records
     for change in job.changes[len(decided.changes) :]:
@@ -261,13 +268,12 @@ def _on_all(task: Task, begun: Begun, record_of: list[int]) -> Task:
 def _from_near(job: Job, fit: Fit, method: Method) -> Explained:
     """Return a method run on whole records, instruments from the fit of their stretches on."""
     found = None
-    if fit.carried is None and isinstance(method, IV):  # physical parameters have starts of their own
-        try:
-            # the stretches' own simulations are of no use to whole records
-            found = method.run(replace(job, start=replace(fit, simulated=None)))
-        except (IdentifiabilityError, DataError):
-            found = None
-    observation, whole = found or method.run(job)
+    if isinstance(method, IV):
+        # the stretches' own simulations are of no use to whole records; physical steps know where to begin
+        near = job if fit.carried is not None else replace(job, start=replace(fit, simulated=None))
+        with suppress(IdentifiabilityError, DataError):
+            found = method.run(near)
+    observation, whole = found or method.run(replace(job, known_delays=None))
     return Explained(observation, whole, (), (), np.zeros((len(whole.columns),) * 2), ())
 
 
