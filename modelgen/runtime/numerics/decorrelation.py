@@ -34,3 +34,14 @@ def principal_directions(series: FloatArray) -> tuple[FloatArray, FloatArray]:
     if few:
         directions = series.T @ (directions / np.sqrt(power))
     return power, directions
+
+
+def never_negative(covariance: FloatArray, scale: FloatArray) -> FloatArray:
+    """Return the part of a symmetric matrix that is positive semidefinite, in its unit squared, (c, c).
+
+    Numbers are compared on a scale, shape (c,) in their units; those with 0 on it have no part.
+    """
+    apart = np.where(scale > 0.0, scale, np.inf)
+    values, vectors = np.linalg.eigh(covariance / np.outer(apart, apart))
+    own = (scale[:, None] * vectors) * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(own @ own.T)

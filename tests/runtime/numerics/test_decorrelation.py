@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modelgen.runtime.numerics.decorrelation import principal_directions
+from modelgen.runtime.numerics.decorrelation import never_negative, principal_directions
 
 
 @pytest.mark.parametrize("shape", [(40, 6), (6, 6), (6, 40)])
@@ -21,3 +21,13 @@ def test_what_only_rounding_fills_is_no_direction() -> None:
     series = np.random.default_rng(2).normal(size=(30, 5))
     series[:, 4] = series[:, 0] + series[:, 1]
     assert principal_directions(series)[1].shape == (5, 4)
+
+
+def test_the_part_that_is_never_negative() -> None:
+    """What two numbers share adds to a sum of them and takes from their difference, which is left."""
+    scale = np.array([1.0, 1e3])
+    found = never_negative(np.array([[0.0, 1.0], [1.0, 0.0]]) * np.outer(scale, scale), scale)
+    assert found / np.outer(scale, scale) == pytest.approx(np.full((2, 2), 0.5))
+    given = np.array([[2.0, -1.0], [-1.0, 1.0]])
+    assert never_negative(given, np.ones(2)) == pytest.approx(given)
+    assert never_negative(given, np.array([1.0, 0.0])) == pytest.approx(np.diag([2.0, 0.0]))

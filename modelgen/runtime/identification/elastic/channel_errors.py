@@ -29,7 +29,9 @@ from modelgen.runtime.iv.effect import TILT, Effect
 from modelgen.runtime.iv.model_errors import delay_effect, zero_effect
 from modelgen.runtime.iv.told_effects import below_noise, estimated, left
 from modelgen.runtime.least_squares.fit import Fit
+from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.numerics.decorrelation import never_negative
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.derived_channels import with_derived
@@ -80,6 +82,10 @@ class SetRight:
         Zeros that are always estimated, and that rows do not show.
     beyond : tuple of mapping of str to float
         By what X may be off besides, in SI, by column.
+    shared : array, shape (columns, effects), optional
+        Covariance of the sizes with X where they are given: weights are not those of the noise.
+    samples : int
+        Lines of rows that the sizes are found from.
     """
 
     columns: tuple[str, ...]
@@ -91,6 +97,8 @@ class SetRight:
     others: tuple[tuple[Instead, ...], ...] = ()
     unsaid: tuple[Effect, ...] = ()
     beyond: tuple[Mapping[str, float], ...] = ()
+    shared: FloatArray | None = None
+    samples: int = 0
 
     @classmethod
     def only(cls, beyond: tuple[Mapping[str, float], ...]) -> SetRight:
@@ -129,19 +137,20 @@ class SetRight:
 
         Forces that rows lack are not estimated with the parameters: all that they move is in it.
         """
-        places = {name: place for place, name in enumerate(self.columns)}
-        moves = np.zeros((len(fit.columns), len(self.effects)))
-        for row, name in enumerate(fit.columns):
-            if name in places:
-                moves[row] = self.moves[places[name]]
-        lacking = [
-            size * isinstance(one, RowForce) for one, size in zip(self.effects, self.sizes, strict=True)
-        ]
-        sizes = self.covariance + np.outer(lacking, lacking)
-        other = (*(one.move for own in self.others for one in own), *self.beyond)
-        instead = [[move.get(name, 0.0) for name in fit.columns] for move in other]
-        beyond = np.array(instead).reshape(len(instead), len(fit.columns))
-        return np.asarray(moves @ sizes @ moves.T + beyond.T @ beyond)
+        known = [place for place, name in enumerate(fit.columns) if name in self.columns]
+        own = [self.columns.index(fit.columns[place]) for place in known]
+        moves, along = np.zeros((2, len(fit.columns), len(self.effects)))
+        moves[known] = self.moves[own]
+        remain = np.array([isinstance(one, RowForce) for one in self.effects], dtype=bool)
+        sizes = self.covariance + np.outer(remain * self.sizes, remain * self.sizes)
+        other = (*(one.move for every in self.others for one in every), *self.beyond)
+        instead = [move.get(name, 0.0) for move in other for name in fit.columns]
+        moved, beyond = moves @ sizes @ moves.T, np.reshape(instead, (len(other), len(fit.columns)))
+        if self.shared is not None:
+            along[known] = ~remain * min(1.0, self.samples / fit.count) * self.shared[own]
+            both, noise = along @ moves.T, np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
+            moved = never_negative(moved + both + both.T, noise)
+        return np.asarray(moved + beyond.T @ beyond)
 
 
 def _one_a_cause(effects: Sequence[Effect], sizes: Sequence[float]) -> Iterator[tuple[Effect, float]]:

@@ -114,7 +114,12 @@ class JointEffects:
             else (*self._others(one, known), *self._lag_of(one, known, held))
             for one in known
         )
-        found = SetRight(columns, tuple(known), tuple(known.values()), moves, covariance)
+        alone = self._covariance[np.ix_(last, last)]
+        shared = self._covariance[np.ix_(own, last)] - moves @ alone
+        sized = tuple(known.values())
+        found = SetRight(
+            columns, tuple(known), sized, moves, covariance, shared=shared, samples=self.fit.count
+        )
         beyond = tuple(common_scale(self.rows, known))
         return replace(found, others=others, unsaid=unsaid, beyond=beyond)
 
