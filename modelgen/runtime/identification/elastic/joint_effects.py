@@ -114,14 +114,10 @@ class JointEffects:
             else (*self._others(one, known), *self._lag_of(one, known, held))
             for one in known
         )
-        alone = self._covariance[np.ix_(last, last)]
-        shared = self._covariance[np.ix_(own, last)] - moves @ alone
-        sized = tuple(known.values())
-        found = SetRight(
-            columns, tuple(known), sized, moves, covariance, shared=shared, samples=self.fit.count
-        )
+        found = SetRight(columns, tuple(known), tuple(known.values()), moves, covariance, (), others, unsaid)
+        shared = self._covariance[np.ix_(own, last)] - moves @ self._covariance[np.ix_(last, last)]
         beyond = tuple(common_scale(self.rows, known))
-        return replace(found, others=others, unsaid=unsaid, beyond=beyond)
+        return replace(found, beyond=beyond, shared=shared, samples=self.fit.count)
 
     def _lag_of(self, late: Effect, known: Mapping[Effect, float], held: bool) -> Iterator[Instead]:
         """Yield that a delay of a force is that of a lag, with what that moves as likely as it is.
