@@ -55,7 +55,7 @@ def like_delays(model: Model, fit: Fit) -> dict[str, str]:
     friction = {
         name: role.role
         for name, role in model.roles.items()
-        if role.role in ("viscous", "coulomb") and lost & {*role.bodies}
+        if name in model.parameters and role.role in ("viscous", "coulomb") and lost & {*role.bodies}
     }
     if "coulomb" in friction.values():
         unknown += friction
@@ -69,7 +69,8 @@ def like_delays(model: Model, fit: Fit) -> dict[str, str]:
 def _beside(model: Model, fit: Fit) -> str:
     """Return what is known of the inertias of a chain that is not, to be said behind a reason."""
     carried = fit.carried
-    names = [name for name, role in model.roles.items() if role.role == "inertia"]
+    roles = model.roles
+    names = [name for name in model.parameters if name in roles and roles[name].role == "inertia"]
     if carried is None or carried.at is None or len(names) < 2:
         return ""
     columns, covariance = carried.linear.columns, hac_covariance(carried.linear)

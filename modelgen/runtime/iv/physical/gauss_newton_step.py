@@ -122,7 +122,8 @@ def possible_solution(step: GaussNewtonStep, model: Model, p: FloatArray) -> Flo
     size stay what they are, and the others are those of least squares beside that.
     """
     x, spread = step.x, step.spread
-    dry = [model.parameters.index(name) for name, one in model.roles.items() if one.role == "coulomb"]
+    roles = [model.roles[name].role if name in model.roles else "" for name in model.parameters]
+    dry = [place for place, role in enumerate(roles) if role == "coulomb"]
     dry = [place for place in dry if p[place] and spread[place] > 0.0]
     if not any(x[place] < 0.0 and spread[place] > abs(p[place]) for place in dry):
         return x

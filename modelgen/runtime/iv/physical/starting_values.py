@@ -221,7 +221,7 @@ def _with_tried(
             if name in vanished:
                 part = 1.0 if body == plant.bodies[plant.driven] else share
                 tried[name] = part * felt / (ratios[body] or 1.0) ** 2
-            inertia_of[body] = tried[name]
+            inertia_of[body] = tried[name] if name in tried else model.known[name]
     rate = 2.0 * pi * TRIED_FREQUENCY * (choice.dynamics_hz or choice.cutoff_hz)
     for name in vanished:
         role = model.roles[name]
