@@ -241,7 +241,7 @@ def _come_to_rest(
             # where springs are hardly known no steps may rest: rows stay about the point that they had
             changed = again(corrected) if moves else None
             now, moves = changed or corrected, changed is not None
-            rows = EffectRows(now.job, rows.effects, read=task.records, undone=known)
+            rows = EffectRows(now.job, rows.effects, read=task.records, undone=known, aside=rows.aside)
         if rests and looked and not doubtful:
             return Aligned(now, known, right, joint.fit.misfit)
     return None

@@ -35,6 +35,7 @@ class EffectRows:
 
     They add that at base parameters `point`, shape (columns,), in SI; by default those of least squares.
     `read` are the records as they were read, where effects are `undone` in those of the job, by their sizes.
+    Effects that are put `aside` are not looked for, but may be there in place of what is.
     """
 
     job: Job
@@ -42,6 +43,12 @@ class EffectRows:
     point: FloatArray | None = None
     read: tuple[Record, ...] = ()
     undone: Mapping[Effect, float] = field(default_factory=dict)
+    aside: tuple[Effect, ...] = ()
+
+    @property
+    def every(self) -> tuple[Effect, ...]:
+        """All effects that rows have columns of."""
+        return (*self.effects, *self.aside)
 
     def about(self, fit: Fit) -> EffectRows:
         """Return the same at the base parameters of a fit, which knows of effects."""
@@ -60,8 +67,10 @@ class EffectRows:
         return fit_matched(replace(self.rows, columns=tuple(names), blocks=blocks), further=sizes)
 
     def without(self, effect: Effect) -> EffectRows:
-        """Return the same rows without the column of an effect, and of others of its name."""
-        left = replace(self, effects=tuple(one for one in self.effects if one.name != effect.name))
+        """Return the same rows with an effect, and others of its name, put aside."""
+        other = [one for one in self.effects if one.name == effect.name]
+        kept = tuple(one for one in self.effects if one not in other)
+        left = replace(self, effects=kept, aside=(*self.aside, *other))
         if "rows" in vars(self):
             vars(left)["rows"] = self.rows
         return left
@@ -86,10 +95,10 @@ class EffectRows:
         added = dict(zip(fit.columns, own.tolist(), strict=True))
         # what an effect is like and noise adds on average: zeros of encoders where noisy speeds are squared
         blocks = self._blocks(fit)
-        names = [effect.name for effect in self.effects]
+        names = [effect.name for effect in self.every]
         along = lifted_along(job.model, job.records, job.choice, freed, blocks)
         added |= dict(zip(names, along.tolist(), strict=True))
-        lags = {one.name: one for one in self.effects if is_lag(one)}
+        lags = {one.name: one for one in self.every if is_lag(one)}
         found = np.array([added.get(name, 0.0) for name in columns])
         for place, name in enumerate(columns):
             if name in lags:
@@ -99,7 +108,7 @@ class EffectRows:
 
     def _blocks(self, fit: Fit) -> list[RowBlock]:
         """Return the columns of effects in the blocks of a fit of these rows."""
-        places = [self.rows.columns.index(effect.name) for effect in self.effects]
+        places = [self.rows.columns.index(effect.name) for effect in self.every]
         used = {(block.record, block.row): block for block in self.rows.blocks}
         return [used[block.record, block.row].chosen(places) for block in fit.blocks]
 
@@ -112,13 +121,13 @@ class EffectRows:
             point = run_wls(job)[1].all_parameters(job.model.base_parameters)
         raw = job.with_rests(job.records, job.turns, opened=job.leave_open)
         raw = job.only_rows_for_tag(raw).dense()
-        grown = [list(_grown(job, self.effects, index, point)) for index in range(len(job.records))]
+        grown = [list(_grown(job, self.every, index, point)) for index in range(len(job.records))]
 
         def extended(block: RowBlock) -> RowBlock:
             more = [lines[block.row][block.place] for lines in grown[block.record]]
             return replace(block.kept(), W=np.column_stack([block.W, *more]))
 
-        columns = (*raw.columns, *(effect.name for effect in self.effects))
+        columns = (*raw.columns, *(effect.name for effect in self.every))
         rows = replace(raw, columns=columns, blocks=tuple(extended(block) for block in raw.blocks))
         if not job.leave_open:
             return rows

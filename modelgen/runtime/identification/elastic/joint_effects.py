@@ -145,7 +145,7 @@ class JointEffects:
         """Return what explains the rows as well as an effect does, in its place."""
         fit = self.rows.solved([one for one in known if one is not effect])
         span = Span(fit)
-        rest = [one for one in self.rows.effects if one not in known and one.words != effect.words]
+        rest = [one for one in self.rows.every if one not in known and one.words != effect.words]
         grown = self.rows.grown(fit, [effect, *rest])
         # channels are set right already, forces are still in the rows
         absorbed = 0.0 if isinstance(effect, RowForce) else known[effect]

@@ -118,6 +118,23 @@ def test_what_rows_are_far_likelier_with_is_not_doubted(monkeypatch: pytest.Monk
         assert undone == [{LATE: 1e-3}]
 
 
+def test_what_stood_in_for_another_one_is_said_in_its_place() -> None:
+    """A turned accelerometer was forgotten beside an encoder's zero, which is the same: 45 deviations."""
+    model, read, _ = made()
+    job = prepared(model, [Record(read, FS)], WLS(), Filters(cutoff_hz=60.0), CheckOptions()).job
+    other = replace(LATE, name="another", words="another cause", negative="another cause")
+    rows = EffectRows(job, (other, LATE)).without(other)
+    assert rows.effects == (LATE,)
+    assert rows.every == (LATE, other)
+    right = joint_effects.JointEffects(rows.solved((LATE,)), (LATE,), rows).told({LATE: 1e-3})
+    assert [one.effect for one in right.others[0]] == [other]
+    (said,) = right.advice
+    assert "tau_1 is late by 1e+03 us" in said.what
+    assert "or another cause by 1e+03 us: the intervals hold for either" in said.what
+    alone = EffectRows(job, (LATE,))
+    assert not joint_effects.JointEffects(alone.solved((LATE,)), (LATE,), alone).told({LATE: 1e-3}).others[0]
+
+
 def test_noise_pulls_rows_with_the_weights_of_their_fit() -> None:
     """What half a sample of a force left had its row weigh an eighth, and gains seemed free of noise."""
     model, read, _ = made()
