@@ -30,7 +30,12 @@ from modelgen.runtime.iv.effect import LOW_PASSES
 from modelgen.runtime.iv.thresholds import AS_LIKELY
 from modelgen.runtime.least_squares.delays import with_holds, with_means_undone
 
-MEAN = "is a mean over the time before, not the force at its instant; it is taken for that"
+# A current that settles within each sample of its controller bends at all of them, and is read late: a mean
+# does the same to second order.
+MEAN = (
+    "acts as a mean over the time before does, not as the force at its instant, and is taken for that "
+    "(a current that settles within each sample of its controller acts alike)"
+)
 HELD = "is what a drive held over the last sample, not the force at its instant; it is taken for that"
 
 
@@ -130,6 +135,6 @@ def averaged_forces(begun: Begun) -> dict[str, float]:
 
 def _told(begun: Begun, channels: Iterable[str], what: str) -> Begun:
     """Return an estimate that says what forces were taken for."""
-    remedy = "record the force at the instants of the sensors"
+    remedy = "record the force at the instants of the sensors, and more often than its controller acts"
     told = tuple(Advice("more than the model", channel, what, remedy) for channel in channels)
     return replace(begun, found=replace(begun.found, advice=(*told, *begun.found.advice)))

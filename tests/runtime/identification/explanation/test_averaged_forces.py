@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from modelgen.runtime.identification.explanation import averaged_forces
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.least_squares.time_shifts import mean_undone, shift
 from modelgen.runtime.records.record import Record
@@ -83,3 +84,24 @@ def test_a_mean_is_undone() -> None:
     undone = record.edited({"F": mean_undone("F", 0.8)}).signals["F"]
     wanted = np.sin(2.0 * np.pi * frequency * times)
     assert np.allclose(undone[200:-200], wanted[200:-200], atol=1e-6)
+
+
+@pytest.mark.parametrize("settles", [0.1, 0.3, 0.8])
+@pytest.mark.parametrize("frequency", [0.02, 0.1])
+def test_a_current_that_settles_within_each_sample_acts_as_a_mean_does(
+    settles: float, frequency: float
+) -> None:
+    """Times in samples: a staircase of commands behind a lag, read at the end of each.
+
+    Against straight lines between its readings it acts early, and more strongly: by half to all of what a
+    mean that late would have lost. What is told names both.
+    """
+    s, z = 2j * np.pi * frequency, np.exp(2j * np.pi * frequency)
+    acting = np.sinc(frequency) * np.exp(-0.5 * s) / (1.0 + s * settles)
+    read = (1.0 - np.exp(-1.0 / settles)) / (z - np.exp(-1.0 / settles))
+    ratio = acting / (read * np.sinc(frequency) ** 2)
+    late = float(np.angle(ratio)) / (2.0 * np.pi * frequency)
+    lost = 1.0 / np.sinc(2.0 * late * frequency) - 1.0
+    assert 0.1 < late < 0.5
+    assert 0.5 * (abs(ratio) - 1.0) < lost < abs(ratio) - 1.0
+    assert "controller" in averaged_forces.MEAN
