@@ -186,8 +186,9 @@ CALM = 1.5
 # stretches those of long chirps did, of which each shows one band.
 SEARCHED, STRETCHES = 1 << 16, 4
 # Where filters leave that room, means over at least so many samples are taken in place of stretches, at least
-# so many a period of the highest cut-off: differences of these err by little.
-LEAST_THINNED, FINE = 4, 20.0
+# so many a period of the highest cut-off: differences of these err by little. Where another cut-off is
+# decided on, of which a period has fewer than so many, they are made anew.
+LEAST_THINNED, FINE, FEWEST_MEANS = 4, 20.0, 10.0
 
 # Limits of memory are stated in these.
 MEGABYTE = 1e6

@@ -9,31 +9,70 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
+from modelgen.array_types import FloatArray
+from modelgen.runtime.identification.cutoffs.cutoff_steps import choice_at
 from modelgen.runtime.identification.job import Job
-from modelgen.runtime.identification.thresholds import FINE, LEAST_THINNED
+from modelgen.runtime.identification.task import Task
+from modelgen.runtime.identification.thresholds import FEWEST_MEANS, FINE, LEAST_THINNED
 from modelgen.runtime.records.record import Record
 
 
-def thinner(job: Job) -> Job | None:
-    """Return the job of means over as many samples as filters hardly notice; None where that saves little.
+def thinned_by(job: Job) -> tuple[int, ...] | None:
+    """Return over how many samples of each record means may be that filters hardly notice.
 
-    All channels are averaged alike, about the same instants: what holds between them holds between the means.
+    None where that saves little, or samples are not in memory.
     """
     choice, records = job.choice, job.records
     highest = max(choice.cutoff_hz, choice.direction_cutoff_hz, choice.signal_cutoff_hz or 0.0)
-    factors = [
+    factors = tuple(
         min(int(record.fs / (FINE * highest)), factor)
         for record, factor in zip(records, choice.decimation, strict=True)
-    ]
-    if min(factors) < LEAST_THINNED or not all(record.in_memory for record in records):
+    )
+    enough = min(factors) >= LEAST_THINNED and all(record.in_memory for record in records)
+    return factors if enough else None
+
+
+def thinner(job: Job) -> Job | None:
+    """Return the job of such means, if they save much; its rows keep their rate.
+
+    All channels are averaged alike, about the same instants: what holds between them holds between the means.
+    """
+    factors, choice = thinned_by(job), job.choice
+    if factors is None:
         return None
     decimation = tuple(have // factor for have, factor in zip(choice.decimation, factors, strict=True))
-    means = tuple(_means(record, factor) for record, factor in zip(records, factors, strict=True))
+    means = tuple(_means(record, factor) for record, factor in zip(job.records, factors, strict=True))
     return replace(job, records=means, choice=replace(choice, decimation=decimation), surveys=())
 
 
+def beyond_means(chosen: Task, decided: Task) -> Task | None:
+    """Return a task at the cut-off that its means decided on; None where they were made for about that one.
+
+    Parameters
+    ----------
+    chosen : Task
+        Of all samples, with the cut-off that means were made for.
+    decided : Task
+        What became of these.
+    """
+    hertz, rate = decided.choice.cutoff_hz, min(record.fs for record in decided.records)
+    if rate == min(record.fs for record in chosen.records) or hertz * FEWEST_MEANS <= rate:
+        return None
+    choice = choice_at(chosen, hertz)
+    return (
+        choice if choice is None else replace(chosen, choice=choice, job=replace(chosen.job, choice=choice))
+    )
+
+
 def _means(record: Record, factor: int) -> Record:
-    """Return a record of the means over so many samples each."""
-    whole = record.n - record.n % factor
-    means = {key: one[:whole].reshape(-1, factor).mean(axis=1) for key, one in record.signals.items()}
+    """Return a record of the means over so many samples each, less what a mean takes off a second derivative.
+
+    That is right to fourth order in frequency times their time. Directions of motion have no such mean.
+    """
+    whole, means = record.n - record.n % factor, dict[str, FloatArray]()
+    for key, samples in record.signals.items():
+        means[key] = samples[:whole].reshape(-1, factor).mean(axis=1)
+        means[key][1:-1] -= np.diff(means[key], 2) / 24.0
     return Record(means, record.fs / factor, record.name, record.tag, record.units)

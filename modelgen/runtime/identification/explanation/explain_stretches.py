@@ -1,7 +1,7 @@
 """What becomes of the default is decided on stretches of long records, and estimated on all of their samples.
 
 Which method, what the model lacks, and what that may move: effects that all of a record has,
-its stretches have as well, and 65,000 samples show them as a million do.
+its stretches have as well: 65,000 samples show them as a million do.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.filter_choice.filter_choice import FilterChoice
-from modelgen.runtime.identification.cutoffs.thinner_records import thinner
+from modelgen.runtime.identification.cutoffs.thinner_records import beyond_means, thinner
 from modelgen.runtime.identification.explanation.explain_residual import (
     found_by,
     timing_is_open,
@@ -36,14 +35,13 @@ from modelgen.runtime.identification.explanation.look_at_residual import look
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import IV, WLS, Method
 from modelgen.runtime.identification.task import Task
-from modelgen.runtime.identification.thresholds import LATE_CLEARLY, SEARCHED, STRETCHES
+from modelgen.runtime.identification.thresholds import SEARCHED, STRETCHES
 from modelgen.runtime.iv.effect import RIPPLE, Effect
 from modelgen.runtime.iv.low_pass import without_starts
 from modelgen.runtime.iv.model_errors import zero_effect
 from modelgen.runtime.iv.score_tests import Score
 from modelgen.runtime.iv.shapes.shaped_effects import fit_in_shape
 from modelgen.runtime.iv.told_effects import held_instead
-from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.records.record import Record
 
@@ -78,14 +76,17 @@ def decided_by_stretches(
 
     Notes
     -----
-    Where stretches find nothing, or leave more unexplained than noise adds, the whole records decide. Means
-    have been looked at over all of the time, as whole records would be.
+    Where stretches of a part of the time find nothing, or leave more than noise adds, whole records decide.
     """
     stretches, record_of = _task_of_stretches(chosen)
     try:
         begun = decide(stretches)
     except (IdentifiabilityError, DataError):
+        if stretches.job.share == 1.0:
+            raise
         return decide(task)
+    if (wider := beyond_means(chosen, begun.task)) is not None:
+        return decided_by_stretches(task, wider, decide, checked)
     whole, told = _on_all(chosen, begun, record_of), begun.found
     plain = _from_near(begun_at(whole, begun).job, told.fit, whole.method)
     if told.fit.columns != plain.fit.columns:  # stretches answer less than all of a record
@@ -178,7 +179,7 @@ def timing_by_stretches(job: Job, method: WLS, found: Explained) -> FloatArray:
     In SI, as `timing_moves`; `job` says how rows are taken, and which delays were to be found.
     """
     if long(job):
-        parts, _ = _in_stretches(job)
+        parts, _ = in_stretches(job)
         try:
             observation, fit = method.run(replace(parts, late=()))
         except (IdentifiabilityError, DataError):
@@ -188,33 +189,11 @@ def timing_by_stretches(job: Job, method: WLS, found: Explained) -> FloatArray:
     return timing_moves(job, found.observation, found.fit)
 
 
-def late_by_stretches(job: Job, choice: FilterChoice, method: IV, plain: WLS) -> FloatArray | None:
-    """Return what delays of forces move that least squares of long records does not estimate, (c, c).
-
-    A mean square in SI: by how much `plain` moves on stretches where forces are late by what instruments with
-    the filters `choice` find there, or by its deviation. None where these tell that a force is late, or find
-    nothing.
-    """
-    try:
-        fit = method.run(_in_stretches(replace(job, choice=choice))[0])[1]
-        if any(abs(delay) > LATE_CLEARLY * std for _, delay, std in fit.delays):
-            return None
-        parts = replace(_in_stretches(job)[0], late=())
-        still = plain.run(parts)[1]
-        moves = []
-        for channel, delay, std in fit.delays:
-            late = tuple(advanced(record, {channel: max(abs(delay), std)}) for record in parts.records)
-            moves.append(plain.run(replace(parts, records=late))[1].solution.x - still.solution.x)
-    except (IdentifiabilityError, DataError):
-        return None
-    return sum((np.outer(move, move) for move in moves), np.zeros((len(still.columns),) * 2))
-
-
 def with_timing_by_stretches(job: Job, method: IV, found: Explained) -> Explained:
     """Return `with_timing` of instruments; of long records in stretches, as far as it widens and tells."""
     if not long(job):
         return with_timing(job, found)
-    parts, _ = _in_stretches(job)
+    parts, _ = in_stretches(job)
     if not timing_is_open(parts, found):
         return found
     none = np.zeros_like(found.drift)
@@ -231,20 +210,19 @@ def with_timing_by_stretches(job: Job, method: IV, found: Explained) -> Explaine
 def _task_of_stretches(task: Task) -> tuple[Task, list[int]]:
     """Return the task of stretches of long records, and the record that each is of."""
     whole = thinner(task.job) or task.job
-    job, record_of = _in_stretches(whole)
+    job, record_of = in_stretches(whole)
     every, taken = (sum(record.duration_s for record in one.records) for one in (whole, job))
     job = replace(job, share=taken / every)
     return replace(task, records=job.records, choice=job.choice, job=job), record_of
 
 
-def _in_stretches(job: Job) -> tuple[Job, list[int]]:
+def in_stretches(job: Job) -> tuple[Job, list[int]]:
     """Return the job of stretches of long records, or of means, and the record that each is of."""
     job = thinner(job) or job
     stretches = [_stretches(record) for record in job.records]
     factors = tuple(factor for factor, one in zip(job.choice.decimation, stretches, strict=True) for _ in one)
     records = tuple(part for one in stretches for part in one)
-    choice = replace(job.choice, decimation=factors)
-    parts = replace(job, records=records, choice=choice, surveys=())
+    parts = replace(job, records=records, choice=replace(job.choice, decimation=factors), surveys=())
     return parts, [index for index, one in enumerate(stretches) for _ in one]
 
 

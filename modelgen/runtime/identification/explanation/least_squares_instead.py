@@ -12,10 +12,11 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError, Problem
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.parameter_checks import null_columns
+from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.identification.contradiction import contradiction
 from modelgen.runtime.identification.cutoffs.choose_cutoff import with_predicted_cutoff
 from modelgen.runtime.identification.explanation.explain_stretches import (
-    late_by_stretches,
+    in_stretches,
     long,
     timing_by_stretches,
 )
@@ -33,7 +34,7 @@ from modelgen.runtime.identification.explanation.simulated_directions import (
 from modelgen.runtime.identification.explanation.what_is_left import left_less
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.memory_limit import beyond_limit
-from modelgen.runtime.identification.methods import Auto, Method
+from modelgen.runtime.identification.methods import IV, WLS, Auto, Method
 from modelgen.runtime.identification.refusals import all_refused, refusals, refused_problems
 from modelgen.runtime.identification.swapped_channels import swapped_channels
 from modelgen.runtime.identification.task import Task
@@ -41,12 +42,14 @@ from modelgen.runtime.identification.thresholds import (
     BIAS_SHARE,
     CLEARLY_LESS,
     FAR_LESS,
+    LATE_CLEARLY,
     LEFT_SHARE,
     STANDS_IN,
 )
 from modelgen.runtime.iv.effect import LATE
 from modelgen.runtime.iv.freed_effects import corrected
 from modelgen.runtime.iv.told_effects import held_instead
+from modelgen.runtime.least_squares.delays import advanced
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.parameters.bounds import impossible_columns, negative_columns
@@ -130,7 +133,7 @@ def least_squares_of_long_arm(task: Task, method: Auto, plain: Begun) -> Begun |
     drift: FloatArray | None = plain.found.drift
     if task.job.late:
         calm = with_predicted_cutoff(task, consistent=True).choice
-        drift = late_by_stretches(task.job, calm, method.instrumental, method.least_squares)
+        drift = _late_by_stretches(task.job, calm, method.instrumental, method.least_squares)
     if drift is None or drift.shape != plain.found.drift.shape:
         return None
     late = "; delays are not estimated, stretches show none" if task.job.late else ""
@@ -186,3 +189,25 @@ def _run(task: Task, job: Job, method: Method, fit: Fit) -> tuple[Job, Begun]:
         return (turned, with_uncertain_turns(found)) if better else (job, plain)
     calm = replace(job, turns=False)
     return calm, run_method(replace(task, job=calm), method)
+
+
+def _late_by_stretches(job: Job, choice: FilterChoice, method: IV, plain: WLS) -> FloatArray | None:
+    """Return what delays of forces move that least squares of long records does not estimate, (c, c).
+
+    A mean square in SI: by how much `plain` moves on stretches where forces are late by what instruments with
+    the filters `choice` find there, or by its deviation. None where these tell that a force is late, or find
+    nothing.
+    """
+    try:
+        fit = method.run(in_stretches(replace(job, choice=choice))[0])[1]
+        if any(abs(delay) > LATE_CLEARLY * std for _, delay, std in fit.delays):
+            return None
+        parts = replace(in_stretches(job)[0], late=())
+        still = plain.run(parts)[1]
+        moves = []
+        for channel, delay, std in fit.delays:
+            late = tuple(advanced(record, {channel: max(abs(delay), std)}) for record in parts.records)
+            moves.append(plain.run(replace(parts, records=late))[1].solution.x - still.solution.x)
+    except (IdentifiabilityError, DataError):
+        return None
+    return sum((np.outer(move, move) for move in moves), np.zeros((len(still.columns),) * 2))

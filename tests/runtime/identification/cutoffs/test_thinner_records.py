@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from modelgen.errors import IdentifiabilityError
 from modelgen.runtime.files.npy_channels import open_npy
 from modelgen.runtime.identification import default_method
-from modelgen.runtime.identification.cutoffs.thinner_records import thinner
+from modelgen.runtime.identification.cutoffs.thinner_records import beyond_means, thinner
 from modelgen.runtime.identification.explanation import explain_stretches
+from modelgen.runtime.identification.explanation.explained import Begun
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import Auto
@@ -29,33 +32,71 @@ def job_of(record: Record, cutoff_hz: float) -> Job:
     return prepared(SMALL, record, Auto(), Filters(cutoff_hz=cutoff_hz), CheckOptions()).job
 
 
-def ramp() -> Record:
+def waves(name: str = "log", rate: float = 20.0) -> Record:
     t = np.arange(SAMPLES) / FS
-    return Record({key: np.sin((20.0 + place) * t) for place, key in enumerate(SMALL.channels)}, FS, "log")
+    return Record({key: np.sin((rate + place) * t) for place, key in enumerate(SMALL.channels)}, FS, name)
 
 
 def test_all_channels_are_means_about_the_same_instants() -> None:
-    job = job_of(ramp(), 50.0)
+    job = job_of(waves(), 50.0)
     means = thinner(job)
     assert means is not None
     (before,), (after,) = job.records, means.records
     factor = round(before.fs / after.fs)
     assert factor == 20  # twenty a period of 50 Hz
     assert after.n == SAMPLES // factor
+    # without what a mean takes off: the readings themselves, between two samples, to fourth order
+    middle = np.arange(3, after.n - 3) * factor + 0.5 * (factor - 1)
     for key in SMALL.channels:
-        np.testing.assert_allclose(after.signals[key][3], before.signals[key][3 * factor : 4 * factor].mean())
+        read = np.interp(middle, np.arange(SAMPLES), before.signals[key])
+        np.testing.assert_allclose(after.signals[key][3:-3], read, atol=1e-6)
     # the rows keep their rate
     assert means.choice.decimation[0] * factor == pytest.approx(job.choice.decimation[0], abs=factor)
     assert thinner(means) is None
 
 
 def test_records_are_as_they_are_where_filters_leave_no_room_or_samples_are_on_a_file(tmp_path: Path) -> None:
-    assert thinner(job_of(ramp(), 500.0)) is None
-    record, files = ramp(), {}
+    assert thinner(job_of(waves(), 500.0)) is None
+    record, files = waves(), {}
     for key, samples in record.signals.items():
         files[key] = tmp_path / f"{key}.npy"
         np.save(files[key], samples)
     assert thinner(job_of(Record.over(open_npy(files, FS, "log")), 50.0)) is None
+
+
+def test_means_are_made_anew_where_another_cutoff_is_decided_on() -> None:
+    chosen, decided = (
+        prepared(SMALL, waves(), Auto(), Filters(cutoff_hz=hertz), CheckOptions()) for hertz in (50.0, 150.0)
+    )
+    means = thinner(chosen.job)
+    assert means is not None
+    low = replace(chosen, records=means.records, choice=means.choice, job=means)
+    assert beyond_means(chosen, low) is None
+    assert beyond_means(chosen, decided) is None  # of all samples
+    wider = beyond_means(chosen, replace(low, choice=replace(low.choice, cutoff_hz=150.0)))
+    assert wider is not None
+    assert wider.choice.cutoff_hz == wider.job.choice.cutoff_hz == 150.0
+    again = thinner(wider.job)
+    assert again is not None
+    assert again.records[0].fs > 2.0 * means.records[0].fs
+
+
+@pytest.mark.parametrize(("cutoff_hz", "asked"), [(50.0, 1), (500.0, 2)])
+def test_whole_records_decide_where_stretches_find_nothing_and_not_after_means_of_all_time(
+    cutoff_hz: float, asked: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(explain_stretches, "SEARCHED", SAMPLES // 2)
+    task = prepared(SMALL, waves(), Auto(), Filters(cutoff_hz=cutoff_hz), CheckOptions())
+    lengths: list[int] = []
+
+    def nothing(one: Task) -> Begun:
+        lengths.append(sum(record.n for record in one.records))
+        raise IdentifiabilityError.at("records", "tell nothing", "move")
+
+    with pytest.raises(IdentifiabilityError):
+        explain_stretches.decided_by_stretches(task, task, nothing, lambda begun: begun)
+    assert len(lengths) == asked
+    assert lengths[0] < SAMPLES
 
 
 @pytest.mark.slow
