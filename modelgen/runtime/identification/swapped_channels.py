@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, islice, product
+from itertools import combinations, islice, pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +27,14 @@ from modelgen.runtime.identification.cutoffs.choose_cutoff import part_tried
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.refusals import dependent_columns, unanswered
-from modelgen.runtime.identification.thresholds import AS_LITTLE, BETTER, OVER_NOISE, TRIES, UNEXPLAINED
+from modelgen.runtime.identification.thresholds import (
+    AS_LITTLE,
+    BETTER,
+    OVER_NOISE,
+    TRIES,
+    TRIES_A_CHANNEL,
+    UNEXPLAINED,
+)
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
@@ -131,7 +138,8 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
         # composites that are free of each other explain by terms that cancel what physical values leave
         given = _Sense(job, run(job)[1], rows)
     still = [key for key in job.model.channels if not any(_spans(record, key) for record in job.records)]
-    changes, every = [*islice(_changes(job.model, parts, still), TRIES)], tuple(range(len(parts)))
+    tries, every = max(TRIES, TRIES_A_CHANNEL * len(job.model.channels)), tuple(range(len(parts)))
+    changes = [*islice(_changes(job.model, parts, still), tries)]
     alike = [change for change in changes if change.alike]
     others = [change for change in changes if not change.alike]
     # what measures something else may look like nearly anything, of noise as well: last, and in all records;
@@ -201,7 +209,8 @@ def _told(job: Job, given: _Sense, tried: Sequence[_Mended]) -> Advice:
 def _changes(model: Model, records: Sequence[Record], still: Container[str]) -> Iterator[_Change]:
     """Yield exchanges of channels that measure the same, reversals, and exchanges of any other two.
 
-    But of two sensors whose amplitudes agree as they are.
+    But of two sensors whose amplitudes agree as they are. Of an arm there are many: what neighbours read on
+    one side of their springs is taken for each other first, and all else that measures the same last.
     """
     kinds = {sensor.key: (sensor.measures, sensor.unit) for sensor in model.sensors}
     kinds |= {actuator.key: ("force", actuator.unit) for actuator in model.actuators}
@@ -209,12 +218,24 @@ def _changes(model: Model, records: Sequence[Record], still: Container[str]) -> 
     known = [key for key in model.channels if key in kinds and key not in still]
     pairs = list(combinations(known, 2))
     alike = [(one, other) for one, other in pairs if kinds[one] == kinds[other]]
-    yield from (_exchange(one, other, True) for one, other in alike)
+    near = _of_neighbours(model, known) if model.is_arm else alike
+    yield from (_exchange(one, other, True) for one, other in near)
     yield from (_reversal(key) for key in known)
+    yield from (_exchange(one, other, True) for one, other in alike if (one, other) not in near)
     for one, other in pairs:
         change = _exchange(one, other, False)
         if (one, other) not in alike and _may_be(change, {one, other}, model, records):
             yield change
+
+
+def _of_neighbours(model: Model, keys: Sequence[str]) -> list[tuple[str, str]]:
+    """Return pairs of channels that follow each other among those of one kind and one side of springs."""
+    sides = {one.key: (one.measures, one.unit, (one.body or "").endswith(" motor")) for one in model.sensors}
+    sides |= {one.key: ("force", one.unit, one.key.startswith("tau_")) for one in model.actuators}
+    by_side: dict[tuple[str, str, bool], list[str]] = {}
+    for key in keys:
+        by_side.setdefault(sides[key], []).append(key)
+    return [pair for same in by_side.values() for pair in pairwise(same)]
 
 
 def _may_be(change: _Change, keys: Container[str], model: Model, records: Sequence[Record]) -> bool:

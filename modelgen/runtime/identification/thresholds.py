@@ -21,8 +21,9 @@ UNEXPLAINED = 0.9
 BETTER = 0.5
 # Changes that leave as much but for this share are told apart by nothing: a force reversed, or all else.
 AS_LITTLE = 0.01
-# Solving again costs as much as the estimate: so many times at most for all records, or a part of them.
-TRIES = 12
+# Solving again costs as much as the estimate: so many times at most for all records, or a part of them; of an
+# arm, whose channels are many, so many times a channel, which its neighbours and reversals take.
+TRIES, TRIES_A_CHANNEL = 12, 2
 
 # Instruments of stretches tell that a force is late by more than so many standard deviations of its delay.
 LATE_CLEARLY = 5.0

@@ -6,6 +6,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import islice
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +25,7 @@ from modelgen.runtime.identification.swapped_channels import (
     _Sense,
     swapped_channels,
 )
+from modelgen.runtime.identification.thresholds import TRIES, TRIES_A_CHANNEL
 from modelgen.runtime.least_squares.fit import CarriedOver
 from modelgen.runtime.least_squares.hac_covariance import influence
 from modelgen.runtime.model.model import Model, model_from_module
@@ -211,6 +215,27 @@ def test_a_channel_that_never_changes_is_exchanged_with_none() -> None:
     told = {change.channels for change in _changes(QC, records, ("Gamma_m",))}
     assert told == {"q_m and q_c", "q_m", "q_c"}
     assert any("Gamma_m" in change.channels for change in _changes(QC, records, ()))
+
+
+@pytest.mark.parametrize("joints", [3, 6])
+def test_of_an_arm_neighbours_and_reversals_are_tried_before_anything_else(joints: int) -> None:
+    """Of three joints nine encoders and forces have twelve exchanges before one of forces was tried."""
+    numbers = range(1, joints + 1)
+    read = [("motor_position_", " motor"), ("link_position_", "")]
+    sensors = [
+        SimpleNamespace(key=f"{stem}{n}", measures="position", unit="rad", body=f"{n}{side}")
+        for n in numbers
+        for stem, side in read
+    ]
+    forces = [SimpleNamespace(key=f"tau_{n}", unit="N m") for n in numbers]
+    keys = tuple(one.key for one in (*sensors, *forces))
+    arm: Any = SimpleNamespace(sensors=sensors, actuators=forces, channels=keys, is_arm=True)
+    first = [one.channels for one in islice(_changes(arm, (), ()), max(TRIES, TRIES_A_CHANNEL * len(keys)))]
+    stems = ("motor_position_", "link_position_", "tau_")
+    near = {f"{stem}{n} and {stem}{n + 1}" for stem in stems for n in numbers[:-1]}
+    assert near | {*keys} <= {*first}
+    every = [one.channels for one in _changes(arm, (), ())]
+    assert len(every) == len({*every}) == len(keys) * (len(keys) + 1) // 2
 
 
 @pytest.mark.parametrize("noise", [0.0, 3.0])
