@@ -23,7 +23,7 @@ from modelgen.runtime.identification.explanation.explained import (
     late_forces,
     with_note,
 )
-from modelgen.runtime.identification.explanation.what_is_left import left_less
+from modelgen.runtime.identification.explanation.what_is_left import gained
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LONGEST_MEAN, SHORTEST_MEAN, WHOLE_SAMPLE
 from modelgen.runtime.iv.effect import LOW_PASSES
@@ -102,9 +102,13 @@ def _of_noise(begun: Begun, means: Mapping[str, float]) -> float:
 
 
 def _gained(begun: Begun, other: Begun) -> float:
-    """Return by how much less another estimate leaves; what needs further effects has to for each."""
+    """Return by how much less another estimate leaves; what needs further effects has to for each.
+
+    Rows in which a body vanishes are smaller, and leave less for that alone: what is left counts by the noise
+    that each of both gives its rows, in the records as they were.
+    """
     further = _estimated(other) - _estimated(begun)
-    return left_less(begun.found.fit, other.found.fit) - AS_LIKELY * max(further, 0)
+    return gained(begun, other, begun.task.job) - AS_LIKELY * max(further, 0)
 
 
 def _estimated(begun: Begun) -> int:

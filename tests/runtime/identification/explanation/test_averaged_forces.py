@@ -59,6 +59,7 @@ def told(estimate: Estimate) -> list[str]:
     words = ("average", "low-pass", "mean over")
     said = [one.what for one in estimate.checks.advice]
     notes += ["mean" for what in said if any(word in what for word in words)]
+    notes += ["held" for note in estimate.fit.notes if "samples, all of it is held" in note]
     return notes + ["held" for what in said if "held over the last" in what]
 
 

@@ -99,18 +99,20 @@ def with_shown_or_held(plain: Begun, held: Begun) -> Begun:
 class Held:
     """An estimate with held commands, or with their steps held alone.
 
-    With by how many s each is late, and over how many samples it is held, or what is no step.
+    With by how many s each is late, and over how many samples it is held, or what is no step; `steps` tells
+    that a command that is held as a whole takes steps at its samples.
     """
 
     begun: Begun
     late: Mapping[str, float]
     lengths: Mapping[str, float]
     stepped: bool = False
+    steps: bool = False
 
     @property
     def follows(self) -> bool:
         """Whether each can be held, and late by that."""
-        least = 1.0 if self.stepped else 0.0
+        least = 1.0 if self.stepped or self.steps else 0.0
         return all(_follows(self.begun, key, late, least) for key, late in self.late.items())
 
     @property
@@ -140,11 +142,17 @@ def _alternatives(task: Task, first: Begun, run: Callable[[Task], Begun]) -> Ite
     if held:
         yield Held(*held_estimate(_holding(task, tuple(held)), first, held, run))
     beside, fs = late_forces(first), first.task.records[0].fs
-    # what does not tell a delay, of any size, tells no part of a sample: six estimates would be made in vain
-    known = [key for key in stepping_commands(task) if key not in first.found.fit.unknown]
-    stepping = {key: beside[key] + 0.5 / fs if key in beside else 0.0 for key in known}
+    stepping = {key: beside[key] + 0.5 / fs if key in beside else 0.0 for key in stepping_commands(task)}
     if stepping:
-        yield Held(*held_estimate(task, first, stepping, run, stepped=True), stepped=True)
+        steps = Held(*held_estimate(task, first, stepping, run, stepped=True), stepped=True)
+        yield steps
+        if not stepping.keys() <= held.keys():
+            # a drive that acts at its samples alone holds all of its command, however late that is: with such
+            # a delay a lag looks alike, but leaves more than noise
+            whole = _holding(task, tuple(stepping))
+            other = Held(*held_estimate(whole, steps.begun, steps.late, run), steps=True)
+            if other.begun is not steps.begun and not exceeding(other.begun):
+                yield other
 
 
 def _or_other(better: Begun, by: float, others: Sequence[Held], first: Begun) -> Begun:
@@ -237,6 +245,8 @@ def better_held(begun: Begun, other: Held) -> Begun | None:
     allowed = AS_LIKELY * (1 + fewer if fewer >= 0 else fewer) + other.surprise
     if _late_as_effect(begun.found, held.found, channels):
         allowed = max(allowed, -log(CLEARLY_LESS) * before.count)
+    if other.steps:
+        allowed = -AS_LIKELY  # no half sample speaks for it
     if before.columns != after.columns or more < -allowed:
         return None
     half = 0.5 * (after.solution.x - before.solution.x)
@@ -245,9 +255,9 @@ def better_held(begun: Begun, other: Held) -> Begun | None:
     drift = found.drift if certain else found.drift + np.outer(half, half)
     held = replace(held, found=replace(found, drift=drift))
     also = "" if certain else ", and the intervals hold what else it may be"
-    if other.stepped:
-        keys = ", ".join(channels)
-        return with_note(held, f"{keys} takes steps at its samples, and is held where it does{also}")
+    if other.stepped or other.steps:
+        where = "all of it is held" if other.steps else "and is held where it does"
+        return with_note(held, f"{', '.join(channels)} takes steps at its samples, {where}{also}")
     what = (
         "acts half a sample later than recorded, as a command does that is held over every sample; it is "
         f"taken for one{also}"

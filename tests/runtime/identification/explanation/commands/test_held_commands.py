@@ -19,9 +19,11 @@ from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.iv.low_pass import without_lag
 from modelgen.runtime.least_squares.time_shifts import shift
+from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.drive import Drive
+from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.simulate import simulate
 from tests.runtime.iv.physical.test_composite_iv import model_of
 from tests.runtime.two_mass_records import NOISE, SMALL, TRUTH
@@ -247,9 +249,52 @@ def test_nor_is_a_current_loop_about_a_body_that_is_not_seen(samples: float) -> 
         assert abs(one.value - HIDDEN[one.name]) < 3.0 * one.std, one.name
 
 
+MOTOR = """
+chain = { name = "servo", motion = "rotation" }
+bodies = [
+    { name = "m", inertia = "J_m", viscous = "F_vm", coulomb = "F_sm", actuator = "T" },
+    { name = "l", inertia = "J_l" },
+]
+links = [{ bodies = ["m", "l"], stiffness = "K", damping = "D" }]
+
+[sensors.motor]
+q_m = { body = "m", measures = "position" }
+"""
+SERVO = {"J_m": 1e-3, "F_vm": 0.01, "F_sm": 0.02, "J_l": 2e-3, "K": 6.0, "D": 3e-3}
+
+
+def behind_a_loop(model: Model, tau: float) -> Record:
+    """Return a binary command on a speed control, sampled at 1 kHz as the record is, behind a current loop.
+
+    The force is recorded as it acts: just before the next command it has nearly reached the one before.
+    """
+    fs, fine, n = 1000.0, 32, 8000
+    t, rng = np.arange(n * fine + 1) / (fine * fs), np.random.default_rng(5)
+    speed = 8.0 * np.sin(2.0 * np.pi * 0.9 * t) + 6.0 * np.sin(2.0 * np.pi * 2.3 * t + 1.0)
+    binary = np.repeat(rng.choice([-0.1, 0.1], n // 5 + 1), 5 * fine)[: t.size]
+    excitation = Excitation(np.cumsum(speed) / (fine * fs), speed, binary, fine * fs, "binary")
+    drive = Drive(rate_hz=fs, bandwidth_hz=0.5 / (np.pi * tau), encoder_step=1e-4, velocity="backward")
+    noise = {"q_m": 1e-5, "T": 1e-3}
+    return simulate(model, SERVO, excitation, fs=fs, drive=drive, noise=noise, seed=1).record
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tau", [3e-4, 6e-4])
+def test_a_command_behind_a_loop_is_held_as_a_whole(tau: float) -> None:
+    """With its steps held alone J_m was 2 % off at 88 deviations, and K 0.6 % at 17."""
+    model = model_of(MOTOR, "motor")
+    estimate = identify(model, behind_a_loop(model, tau))
+    found = {one.name: one for one in estimate.parameters.physical}
+    assert {"J_m", "J_l", "K"} <= found.keys()
+    for name, one in found.items():
+        assert abs(one.value - SERVO[name]) < 3.0 * one.std, name
+
+
 @pytest.mark.parametrize("unknown", [(), ("J_m",), ("J_m", "Gamma_m")])
-def test_a_force_whose_delay_is_not_known_is_not_looked_at_for_a_hold(unknown: tuple[str, ...]) -> None:
-    force = np.repeat(np.random.default_rng(0).choice([-1.0, 1.0], 100), 10)
+def test_a_force_that_takes_no_steps_is_not_looked_at_where_its_delay_is_unknown(
+    unknown: tuple[str, ...],
+) -> None:
+    force = np.random.default_rng(0).standard_normal(1000).cumsum().cumsum()
     records = (Record({"q_m": np.arange(1000.0), "Gamma_m": force}, FS),)
     task = SimpleNamespace(
         job=SimpleNamespace(late=("Gamma_m",), records=records),
@@ -258,7 +303,7 @@ def test_a_force_whose_delay_is_not_known_is_not_looked_at_for_a_hold(unknown: t
     )
     fit = SimpleNamespace(delays=(("Gamma_m", -0.5 / FS, 0.0),), unknown=unknown)
     first: Any = SimpleNamespace(task=task, found=SimpleNamespace(fit=fit, effects=(), sizes=()))
-    assert stepping_commands(first.task) == ["Gamma_m"]
+    assert not stepping_commands(first.task)
     assert (held_commands(first) == {}) == ("Gamma_m" in unknown)
     if "Gamma_m" in unknown:
         assert with_held_commands(first.task, first, (), lambda _: pytest.fail("estimated in vain")) is first
