@@ -19,12 +19,12 @@ from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.methods import Auto
 from modelgen.runtime.iv.low_pass import without_lag
 from modelgen.runtime.least_squares.time_shifts import shift
-from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 from modelgen.runtime.simulation.drive import Drive
 from modelgen.runtime.simulation.excitation import Excitation
 from modelgen.runtime.simulation.simulate import simulate
+from tests.runtime.iv.physical.swinging_servo import servo
 from tests.runtime.iv.physical.test_composite_iv import model_of
 from tests.runtime.two_mass_records import NOISE, SMALL, TRUTH
 
@@ -249,21 +249,10 @@ def test_nor_is_a_current_loop_about_a_body_that_is_not_seen(samples: float) -> 
         assert abs(one.value - HIDDEN[one.name]) < 3.0 * one.std, one.name
 
 
-MOTOR = """
-chain = { name = "servo", motion = "rotation" }
-bodies = [
-    { name = "m", inertia = "J_m", viscous = "F_vm", coulomb = "F_sm", actuator = "T" },
-    { name = "l", inertia = "J_l" },
-]
-links = [{ bodies = ["m", "l"], stiffness = "K", damping = "D" }]
-
-[sensors.motor]
-q_m = { body = "m", measures = "position" }
-"""
-SERVO = {"J_m": 1e-3, "F_vm": 0.01, "F_sm": 0.02, "J_l": 2e-3, "K": 6.0, "D": 3e-3}
+LOOPED = {"J_m": 1e-3, "F_vm": 0.01, "F_sm": 0.02, "J_l": 2e-3, "K": 6.0, "D": 3e-3}
 
 
-def behind_a_loop(model: Model, tau: float) -> Record:
+def behind_a_loop(tau: float) -> Record:
     """Return a binary command on a speed control, sampled at 1 kHz as the record is, behind a current loop.
 
     The force is recorded as it acts: just before the next command it has nearly reached the one before.
@@ -275,19 +264,18 @@ def behind_a_loop(model: Model, tau: float) -> Record:
     excitation = Excitation(np.cumsum(speed) / (fine * fs), speed, binary, fine * fs, "binary")
     drive = Drive(rate_hz=fs, bandwidth_hz=0.5 / (np.pi * tau), encoder_step=1e-4, velocity="backward")
     noise = {"q_m": 1e-5, "T": 1e-3}
-    return simulate(model, SERVO, excitation, fs=fs, drive=drive, noise=noise, seed=1).record
+    return simulate(servo(), LOOPED, excitation, fs=fs, drive=drive, noise=noise, seed=1).record
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tau", [3e-4, 6e-4])
 def test_a_command_behind_a_loop_is_held_as_a_whole(tau: float) -> None:
     """With its steps held alone J_m was 2 % off at 88 deviations, and K 0.6 % at 17."""
-    model = model_of(MOTOR, "motor")
-    estimate = identify(model, behind_a_loop(model, tau))
+    estimate = identify(servo(), behind_a_loop(tau))
     found = {one.name: one for one in estimate.parameters.physical}
     assert {"J_m", "J_l", "K"} <= found.keys()
     for name, one in found.items():
-        assert abs(one.value - SERVO[name]) < 3.0 * one.std, name
+        assert abs(one.value - LOOPED[name]) < 3.0 * one.std, name
 
 
 @pytest.mark.parametrize("unknown", [(), ("J_m",), ("J_m", "Gamma_m")])
