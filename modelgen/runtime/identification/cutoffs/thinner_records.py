@@ -7,7 +7,7 @@ samples told all to 1 %.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,13 +16,14 @@ from modelgen.runtime.identification.cutoffs.cutoff_steps import choice_at
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import FEWEST_MEANS, FINE, LEAST_THINNED
+from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.record import Record
 
 
 def thinned_by(job: Job) -> tuple[int, ...] | None:
     """Return over how many samples of each record means may be that filters hardly notice.
 
-    None where that saves little, or samples are not in memory.
+    None where that saves little.
     """
     choice, records = job.choice, job.records
     highest = max(choice.cutoff_hz, choice.direction_cutoff_hz, choice.signal_cutoff_hz or 0.0)
@@ -30,8 +31,7 @@ def thinned_by(job: Job) -> tuple[int, ...] | None:
         min(int(record.fs / (FINE * highest)), factor)
         for record, factor in zip(records, choice.decimation, strict=True)
     )
-    enough = min(factors) >= LEAST_THINNED and all(record.in_memory for record in records)
-    return factors if enough else None
+    return factors if min(factors) >= LEAST_THINNED else None
 
 
 def thinner(job: Job) -> Job | None:
@@ -66,13 +66,50 @@ def beyond_means(chosen: Task, decided: Task) -> Task | None:
     )
 
 
-def _means(record: Record, factor: int) -> Record:
-    """Return a record of the means over so many samples each, less what a mean takes off a second derivative.
+@dataclass(frozen=True, eq=False)
+class MeanChannels:
+    """Means over `factor` samples of a source each, less what a mean takes off a second derivative.
 
-    That is right to fourth order in frequency times their time. Directions of motion have no such mean.
+    That is right to fourth order in frequency times their time. Directions of motion have no such mean. They
+    are the same however they are read; the first and the last are means alone.
     """
-    whole, means = record.n - record.n % factor, dict[str, FloatArray]()
-    for key, samples in record.signals.items():
-        means[key] = samples[:whole].reshape(-1, factor).mean(axis=1)
-        means[key][1:-1] -= np.diff(means[key], 2) / 24.0
-    return Record(means, record.fs / factor, record.name, record.tag, record.units)
+
+    source: Channels
+    factor: int
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return self.source.keys
+
+    @property
+    def name(self) -> str:
+        """Names the record in messages."""
+        return self.source.name
+
+    @property
+    def fs(self) -> float:
+        """Means a second, in Hz."""
+        return self.source.fs / self.factor
+
+    @property
+    def n(self) -> int:
+        """Number of means."""
+        return self.source.n // self.factor
+
+    def read(self, channel: str, start: int, stop: int) -> FloatArray:
+        """Return means start to stop of a channel, shape (stop - start,)."""
+        first, behind = max(start - 1, 0), min(stop + 1, self.n)
+        samples = self.source.read(channel, first * self.factor, behind * self.factor)
+        means: FloatArray = np.asarray(samples, dtype=float).reshape(-1, self.factor).mean(axis=1)
+        means[1:-1] -= np.diff(means, 2) / 24.0
+        return means[start - first : stop - first]
+
+
+def _means(record: Record, factor: int) -> Record:
+    """Return a record of means; in memory where the one of all samples is."""
+    means = MeanChannels(record.source, factor)
+    if not record.in_memory:
+        return Record.over(means, record.tag)
+    every = {key: means.read(key, 0, means.n) for key in record.keys}
+    return Record(every, means.fs, record.name, record.tag, record.units)

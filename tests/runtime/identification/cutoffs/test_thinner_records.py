@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -55,13 +56,29 @@ def test_all_channels_are_means_about_the_same_instants() -> None:
     assert thinner(means) is None
 
 
-def test_records_are_as_they_are_where_filters_leave_no_room_or_samples_are_on_a_file(tmp_path: Path) -> None:
+def on_files(record: Record, folder: Path) -> Record:
+    files = {key: folder / f"{key}.npy" for key in record.keys}
+    for key, path in files.items():
+        np.save(path, record.signals[key])
+    return Record.over(open_npy(files, record.fs, record.name))
+
+
+def test_records_are_as_they_are_where_filters_leave_no_room() -> None:
     assert thinner(job_of(waves(), 500.0)) is None
-    record, files = waves(), {}
-    for key, samples in record.signals.items():
-        files[key] = tmp_path / f"{key}.npy"
-        np.save(files[key], samples)
-    assert thinner(job_of(Record.over(open_npy(files, FS, "log")), 50.0)) is None
+
+
+def test_means_of_files_are_those_of_memory_however_they_are_read(tmp_path: Path) -> None:
+    means, read = (thinner(job_of(one, 50.0)) for one in (waves(), on_files(waves(), tmp_path)))
+    assert means is not None
+    assert read is not None
+    assert means.choice == read.choice
+    (here,), (there,) = means.records, read.records
+    assert not there.in_memory
+    assert (here.fs, here.n, here.keys) == (there.fs, there.n, there.keys)
+    edges = [0, 1, 2, 77, here.n - 1, here.n]
+    for key in here.keys:
+        parts = [there.read(key, start, stop) for start, stop in pairwise(edges)]
+        np.testing.assert_array_equal(np.concatenate(parts), here.signals[key])
 
 
 def test_means_are_made_anew_where_another_cutoff_is_decided_on() -> None:
@@ -99,6 +116,26 @@ def test_whole_records_decide_where_stretches_find_nothing_and_not_after_means_o
     assert lengths[0] < SAMPLES
 
 
+def slow_record() -> Record:
+    noise = {"q_m": 1e-4, "q_c": 1e-4, "Gamma_m": 1e-3}
+    return simulate(SMALL, SLOW, "chirp", fs=10_000.0, duration_s=8.0, noise=noise).record
+
+
+@pytest.mark.slow
+def test_a_slow_chain_on_files_is_what_it_is_in_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(explain_stretches, "SEARCHED", 8192)
+    record = slow_record()
+    here, there = identify(SMALL, record), identify(SMALL, on_files(record, tmp_path))
+    assert here.params.keys() == there.params.keys()
+    assert here.not_identifiable == there.not_identifiable
+    assert here.fit.notes == there.fit.notes
+    for name, value in here.params.items():
+        assert there.params[name] == pytest.approx(value, abs=1e-9 * here.bse[name])
+        assert there.bse[name] == pytest.approx(here.bse[name], rel=1e-6)
+
+
 @pytest.mark.slow
 def test_a_slow_chain_that_is_logged_fast_is_decided_on_all_of_its_time(
     monkeypatch: pytest.MonkeyPatch,
@@ -113,8 +150,7 @@ def test_a_slow_chain_that_is_logged_fast_is_decided_on_all_of_its_time(
         return of_chain(task, method)
 
     monkeypatch.setattr(default_method, "_of_chain", spied)
-    noise = {"q_m": 1e-4, "q_c": 1e-4, "Gamma_m": 1e-3}
-    record = simulate(SMALL, SLOW, "chirp", fs=10_000.0, duration_s=8.0, noise=noise).record
+    record = slow_record()
     estimate = identify(SMALL, record)
     assert tried == pytest.approx([8.0], rel=1e-2)
     assert_truth_inside(estimate, SLOW)
