@@ -99,20 +99,20 @@ def with_shown_or_held(plain: Begun, held: Begun) -> Begun:
 class Held:
     """An estimate with held commands, or with their steps held alone.
 
-    With by how many s each is late, and over how many samples it is held, or what is no step; `steps` tells
-    that a command that is held as a whole takes steps at its samples.
+    With by how many s each is late, and over how many samples it is held, or what is no step. It may be the
+    `whole` of a command that takes steps at its samples.
     """
 
     begun: Begun
     late: Mapping[str, float]
     lengths: Mapping[str, float]
     stepped: bool = False
-    steps: bool = False
+    whole: bool = False
 
     @property
     def follows(self) -> bool:
         """Whether each can be held, and late by that."""
-        least = 1.0 if self.stepped or self.steps else 0.0
+        least = 1.0 if self.stepped or self.whole else 0.0
         return all(_follows(self.begun, key, late, least) for key, late in self.late.items())
 
     @property
@@ -149,8 +149,8 @@ def _alternatives(task: Task, first: Begun, run: Callable[[Task], Begun]) -> Ite
         if not stepping.keys() <= held.keys():
             # a drive that acts at its samples alone holds all of its command, however late that is: with such
             # a delay a lag looks alike, but leaves more than noise
-            whole = _holding(task, tuple(stepping))
-            other = Held(*held_estimate(whole, steps.begun, steps.late, run), steps=True)
+            holding = _holding(task, tuple(stepping))
+            other = Held(*held_estimate(holding, steps.begun, steps.late, run), whole=True)
             if other.begun is not steps.begun and not exceeding(other.begun):
                 yield other
 
@@ -245,7 +245,7 @@ def better_held(begun: Begun, other: Held) -> Begun | None:
     allowed = AS_LIKELY * (1 + fewer if fewer >= 0 else fewer) + other.surprise
     if _late_as_effect(begun.found, held.found, channels):
         allowed = max(allowed, -log(CLEARLY_LESS) * before.count)
-    if other.steps:
+    if other.whole:
         allowed = -AS_LIKELY  # no half sample speaks for it
     if before.columns != after.columns or more < -allowed:
         return None
@@ -255,8 +255,8 @@ def better_held(begun: Begun, other: Held) -> Begun | None:
     drift = found.drift if certain else found.drift + np.outer(half, half)
     held = replace(held, found=replace(found, drift=drift))
     also = "" if certain else ", and the intervals hold what else it may be"
-    if other.stepped or other.steps:
-        where = "all of it is held" if other.steps else "and is held where it does"
+    if other.stepped or other.whole:
+        where = "all of it is held" if other.whole else "and is held where it does"
         return with_note(held, f"{', '.join(channels)} takes steps at its samples, {where}{also}")
     what = (
         "acts half a sample later than recorded, as a command does that is held over every sample; it is "
