@@ -13,7 +13,8 @@ from modelgen.runtime.advice import Advice
 from modelgen.runtime.joining.sensor_set_part import SensorSetPart
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.modes.chain_of_fit import modes_of_fit
-from modelgen.runtime.modes.uncertain_chain import UncertainChain, chain_around, square_root, uncertain_chain
+from modelgen.runtime.modes.uncertain_chain import UncertainChain, chain_around, uncertain_chain
+from modelgen.runtime.numerics.decorrelation import square_root
 from modelgen.runtime.numerics.tails import chi_square_tail
 from modelgen.runtime.parameters.composite_fit import PhysicalSolution
 from modelgen.runtime.parameters.parameter import Parameter

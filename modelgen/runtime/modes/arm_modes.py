@@ -19,7 +19,8 @@ from modelgen.runtime.modes.mode_values import PairValues, pair_values
 from modelgen.runtime.modes.modes import Modes, PostureModes
 from modelgen.runtime.modes.pole_pairs import PolePair, pair_slopes, pole_pairs, undamped_modes
 from modelgen.runtime.modes.thresholds import MOST_POSTURES, ROUNDING, STRETCHED
-from modelgen.runtime.modes.uncertain_chain import UncertainChain, square_root
+from modelgen.runtime.modes.uncertain_chain import UncertainChain
+from modelgen.runtime.numerics.decorrelation import square_root
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.arms.arm_coordinates import (
     ArmCoordinates,

@@ -19,9 +19,9 @@ from modelgen.runtime.modes.modes import Modes
 from modelgen.runtime.modes.uncertain_chain import (
     UncertainChain,
     chain_around,
-    square_root,
     uncertain_chain,
 )
+from modelgen.runtime.numerics.decorrelation import square_root
 from modelgen.runtime.parameters.physical_parameters import NO_CHAIN, Covariances, FoundParameters
 
 Again = Callable[[Mapping[str, float]], UncertainChain]

@@ -10,6 +10,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.modes.thresholds import FARTHEST, FULLY_OPEN, LOOSE_PART, LOOSE_SHARE, MOST_LOG, Z95
+from modelgen.runtime.numerics.decorrelation import square_root
 from modelgen.runtime.parameters.composite_fit import fit_composites
 from modelgen.runtime.parameters.rounded import with_interval
 from modelgen.runtime.parameters.thresholds import RANK_TOLERANCE
@@ -180,11 +181,3 @@ def open_directions(
     directions = np.zeros((len(model.parameters), len(free) - rank))
     directions[free] = Vt[rank:].T
     return directions
-
-
-def square_root(covariance: FloatArray) -> FloatArray:
-    """Return R with R R^T = covariance, in any units, shape (n, n), rounding below zero taken as zero."""
-    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    scale = np.where(spread > 0.0, spread, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

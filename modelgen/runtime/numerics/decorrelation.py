@@ -36,12 +36,14 @@ def principal_directions(series: FloatArray) -> tuple[FloatArray, FloatArray]:
     return power, directions
 
 
-def never_negative(covariance: FloatArray, scale: FloatArray) -> FloatArray:
-    """Return the part of a symmetric matrix that is positive semidefinite, in its unit squared, (c, c).
+def square_root(covariance: FloatArray, scale: FloatArray | None = None) -> FloatArray:
+    """Return R with R R^T the part of a symmetric matrix that is positive semidefinite, in any units, (c, c).
 
-    Numbers are compared on a scale, shape (c,) in their units; those with 0 on it have no part.
+    Numbers are compared on a scale, shape (c,) in their units, by default their standard deviations; those
+    with 0 on it have no part.
     """
+    if scale is None:
+        scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     apart = np.where(scale > 0.0, scale, np.inf)
     values, vectors = np.linalg.eigh(covariance / np.outer(apart, apart))
-    own = (scale[:, None] * vectors) * np.sqrt(np.maximum(values, 0.0))
-    return np.asarray(own @ own.T)
+    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

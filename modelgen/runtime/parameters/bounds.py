@@ -123,10 +123,14 @@ def bounded_physical(fit: Fit, model: Model, covariance: FloatArray) -> tuple[Fi
     return _fit_within(fit, lower, np.full(len(lower), np.inf), covariance)
 
 
+def parameters_of(model: Model, *roles: str) -> tuple[str, ...]:
+    """Return the parameters to estimate that have one of these roles; known ones are none of them."""
+    return tuple(name for name in model.parameters if name in model.roles and model.roles[name].role in roles)
+
+
 def bounded_names(model: Model) -> tuple[str, ...]:
     """Return the physical parameters that are never negative."""
-    roles = model.roles
-    return tuple(n for n in model.parameters if n in roles and roles[n].role in POSITIVE_ROLES)
+    return parameters_of(model, *POSITIVE_ROLES)
 
 
 def _fit_within(

@@ -17,6 +17,7 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.mechanical_parts import Sensor
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.bounds import parameters_of
 from modelgen.runtime.parameters.known_sums import known_sum
 from modelgen.runtime.parameters.thresholds import STEADY_BAND, STEADY_SHARE
 from modelgen.runtime.records.record import Record
@@ -53,9 +54,9 @@ def like_delays(model: Model, fit: Fit) -> dict[str, str]:
     seen = {sensor.body for sensor in model.sensors}
     lost = {body for name in unknown if name in model.roles for body in model.roles[name].bodies} - seen
     friction = {
-        name: role.role
-        for name, role in model.roles.items()
-        if name in model.parameters and role.role in ("viscous", "coulomb") and lost & {*role.bodies}
+        name: model.roles[name].role
+        for name in parameters_of(model, "viscous", "coulomb")
+        if lost & {*model.roles[name].bodies}
     }
     if "coulomb" in friction.values():
         unknown += friction
@@ -69,8 +70,7 @@ def like_delays(model: Model, fit: Fit) -> dict[str, str]:
 def _beside(model: Model, fit: Fit) -> str:
     """Return what is known of the inertias of a chain that is not, to be said behind a reason."""
     carried = fit.carried
-    roles = model.roles
-    names = [name for name in model.parameters if name in roles and roles[name].role == "inertia"]
+    names = parameters_of(model, "inertia")
     if carried is None or carried.at is None or len(names) < 2:
         return ""
     columns, covariance = carried.linear.columns, hac_covariance(carried.linear)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from modelgen.runtime.numerics.decorrelation import never_negative, principal_directions
+from modelgen.array_types import FloatArray
+from modelgen.runtime.numerics.decorrelation import principal_directions, square_root
 
 
 @pytest.mark.parametrize("shape", [(40, 6), (6, 6), (6, 40)])
@@ -25,6 +26,11 @@ def test_what_only_rounding_fills_is_no_direction() -> None:
 
 def test_the_part_that_is_never_negative() -> None:
     """What two numbers share adds to a sum of them and takes from their difference, which is left."""
+
+    def never_negative(covariance: FloatArray, scale: FloatArray) -> FloatArray:
+        root = square_root(covariance, scale)
+        return np.asarray(root @ root.T)
+
     scale = np.array([1.0, 1e3])
     found = never_negative(np.array([[0.0, 1.0], [1.0, 0.0]]) * np.outer(scale, scale), scale)
     assert found / np.outer(scale, scale) == pytest.approx(np.full((2, 2), 0.5))

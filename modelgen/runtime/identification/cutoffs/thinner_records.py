@@ -20,7 +20,7 @@ from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.record import Record
 
 
-def thinned_by(job: Job) -> tuple[int, ...] | None:
+def _thinned_by(job: Job) -> tuple[int, ...] | None:
     """Return over how many samples of each record means may be that filters hardly notice.
 
     None where that saves little.
@@ -39,7 +39,7 @@ def thinner(job: Job) -> Job | None:
 
     All channels are averaged alike, about the same instants: what holds between them holds between the means.
     """
-    factors, choice = thinned_by(job), job.choice
+    factors, choice = _thinned_by(job), job.choice
     if factors is None:
         return None
     decimation = tuple(have // factor for have, factor in zip(choice.decimation, factors, strict=True))
@@ -60,10 +60,9 @@ def beyond_means(chosen: Task, decided: Task) -> Task | None:
     hertz, rate = decided.choice.cutoff_hz, min(record.fs for record in decided.records)
     if rate == min(record.fs for record in chosen.records) or hertz * FEWEST_MEANS <= rate:
         return None
-    choice = choice_at(chosen, hertz)
-    return (
-        choice if choice is None else replace(chosen, choice=choice, job=replace(chosen.job, choice=choice))
-    )
+    if (choice := choice_at(chosen, hertz)) is None:
+        return None
+    return replace(chosen, choice=choice, job=replace(chosen.job, choice=choice))
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ from modelgen.runtime.iv.told_effects import below_noise, estimated, left
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.numerics.decorrelation import never_negative
+from modelgen.runtime.numerics.decorrelation import square_root
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.derived_channels import with_derived
@@ -149,7 +149,7 @@ class SetRight:
         if self.shared is not None:
             along[known] = ~remain * min(1.0, self.samples / fit.count) * self.shared[own]
             both, noise = along @ moves.T, np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
-            moved = never_negative(moved + both + both.T, noise)
+            moved = (root := square_root(moved + both + both.T, noise)) @ root.T
         return np.asarray(moved + beyond.T @ beyond)
 
 

@@ -32,7 +32,7 @@ from modelgen.runtime.least_squares.projected_least_squares import two_stage
 from modelgen.runtime.least_squares.thresholds import WHITENING_ORDER
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.model import Model
-from modelgen.runtime.parameters.bounds import bounded_physical
+from modelgen.runtime.parameters.bounds import bounded_physical, parameters_of
 from modelgen.runtime.records.record import Record
 
 
@@ -122,8 +122,7 @@ def possible_solution(step: GaussNewtonStep, model: Model, p: FloatArray) -> Flo
     size stay what they are, and the others are those of least squares beside that.
     """
     x, spread = step.x, step.spread
-    roles = [model.roles[name].role if name in model.roles else "" for name in model.parameters]
-    dry = [place for place, role in enumerate(roles) if role == "coulomb"]
+    dry = [model.parameters.index(name) for name in parameters_of(model, "coulomb")]
     dry = [place for place in dry if p[place] and spread[place] > 0.0]
     if not any(x[place] < 0.0 and spread[place] > abs(p[place]) for place in dry):
         return x

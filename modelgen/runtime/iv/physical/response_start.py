@@ -28,6 +28,7 @@ from modelgen.runtime.iv.thresholds import (
 )
 from modelgen.runtime.least_squares.thresholds import EARLIEST, LATEST
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.bounds import parameters_of
 from modelgen.runtime.simulation.closed_loop import rigid_motion
 from modelgen.runtime.simulation.plant import make_plant
 
@@ -126,9 +127,8 @@ class _Search:
     def __init__(
         self, model: Model, measured: Sequence[_Measured], near: Mapping[str, float], sample: float
     ) -> None:
-        roles = {name: model.roles[name].role for name in model.parameters if name in model.roles}
         self._model, self.measured, self._near, self._sample = model, measured, near, sample
-        self.names = tuple(name for name, role in roles.items() if role in SHAPING)
+        self.names = parameters_of(model, *SHAPING)
 
     def values(self, u: FloatArray) -> dict[str, float]:
         """Return all physical parameters, SI."""

@@ -32,6 +32,7 @@ from modelgen.runtime.iv.thresholds import (
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance, printed_covariance
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.bounds import parameters_of
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.simulation.closed_loop import vibration
 from modelgen.runtime.simulation.plant import Plant, make_plant, possible
@@ -77,7 +78,7 @@ def cheap_starts(near: Mapping[str, float], setting: Setting) -> tuple[Mapping[s
     Parameters are as for `physical_starts`.
     """
     model = setting.model
-    every = tuple(name for name in model.parameters if model.roles[name].role in MOVING)
+    every = parameters_of(model, *MOVING)
     none = dict.fromkeys(model.parameters, 0.0)
     try:
         tried = [_with_tried(setting, none, every, share) for share in TRIED_SHARES]
@@ -159,17 +160,15 @@ def vanished_names(model: Model, values: Mapping[str, float]) -> tuple[str, ...]
         plant = make_plant(model, moved)
         felt = plant.inertia * vibration(plant).lowest ** 2
     except ModelgenError:
-        return tuple(name for name, role in model.roles.items() if role.role in MOVING)
+        return parameters_of(model, *MOVING)
     gone = {
         body for body, inertia in zip(plant.bodies, felt, strict=True) if inertia < LEAST_SHARE * felt.sum()
     }
     below = {name for name in moved if moved[name] != values[name] and model.roles[name].role != "damping"}
     return tuple(
         name
-        for name in model.parameters
-        if name in model.roles
-        and model.roles[name].role in MOVING
-        and (name in below or gone.intersection(model.roles[name].bodies))
+        for name in parameters_of(model, *MOVING)
+        if name in below or gone.intersection(model.roles[name].bodies)
     )
 
 
