@@ -19,8 +19,7 @@ from modelgen.runtime.identification.options import (
     chosen_method,
     with_short_forms,
 )
-from modelgen.runtime.identification.refusals import late_refusals
-from modelgen.runtime.identification.run_checks import checked, compared, more_than_noise
+from modelgen.runtime.identification.run_checks import checked, compared, more_than_noise, refused_late
 from modelgen.runtime.identification.solution import fitted, settings_drift
 from modelgen.runtime.identification.task import prepared
 from modelgen.runtime.model.model import Model
@@ -109,7 +108,7 @@ def _identified(
         fit = replace(fit, notes=fit.notes + notes)
     extras = others()
     drift = drift + more_than_noise(fit, extras)
-    refused = late_refusals(fit, solution.refused, drift, task.checks.keep, extras.biases, task.model)
+    refused = refused_late(task, solution, fit, drift, extras)
     step("judging the fit")
     fit = replace(fit, notes=fit.notes + asymmetry_notes(extras.asymmetric, task.model, refused))
     keep, no_number = tuple(task.checks.keep), {**refused, **solution.at_bounds}

@@ -49,7 +49,8 @@ class Job:
     the records that were given, in this order. The job of stretches has a `share` of the samples that are to
     be estimated from. `guessed` are directions in the records that neither a sensor nor the user gives.
     What rounding has moved in least squares is undone if they are `polished`. With `leave_open`, rows leave
-    forces open where speeds do not tell directions.
+    forces open where speeds do not tell directions. `unaligned` are the records before channels were set
+    right that had been read late, off zero or off scale; nothing where none were.
     """
 
     model: Model
@@ -77,6 +78,7 @@ class Job:
     guessed: tuple[str, ...] = ()
     polished: bool = True
     leave_open: bool = True
+    unaligned: tuple[Record, ...] = ()
 
     @property
     def all_sizes(self) -> tuple[float, ...]:

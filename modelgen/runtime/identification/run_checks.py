@@ -47,9 +47,9 @@ from modelgen.runtime.diagnostics.samples.unit_errors import unlike_nominal
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
 from modelgen.runtime.filter_choice.signal_to_noise import signal_to_noise
 from modelgen.runtime.identification.methods import WLS
-from modelgen.runtime.identification.refusals import dependent_columns
+from modelgen.runtime.identification.refusals import dependent_columns, late_refusals
 from modelgen.runtime.identification.solution import Solution, on_unseen
-from modelgen.runtime.identification.swapped_channels import swapped_channels
+from modelgen.runtime.identification.swapped_channels import or_swapped, swapped_channels
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import CALM
 from modelgen.runtime.least_squares.fit import Fit
@@ -115,6 +115,20 @@ def _compared(task: Task, solution: Solution, again: Callable[[FilterChoice], Fi
     held, changing = on_unseen(task, solution), _changing(task, solution)
     asymmetric = _asymmetric(task, solution)
     return Extras(periods, held, scan, solution.cost, bias, bias_left, changing, asymmetric, residuals)
+
+
+def refused_late(
+    task: Task, solution: Solution, fit: Fit, drift: FloatArray, extras: Extras
+) -> dict[str, str]:
+    """Return what is refused with bias and drift, a mean square in SI, shape (c, c), known.
+
+    Where that is all of an arm, swapped channels come first.
+    """
+    keep = task.checks.keep
+    try:
+        return late_refusals(fit, solution.refused, drift, keep, extras.biases, task.model)
+    except IdentifiabilityError as error:
+        raise or_swapped(error, solution.job, fit) from None
 
 
 def _residuals(task: Task, solution: Solution) -> Callable[[], tuple[ResidualTest, ...]]:

@@ -4,25 +4,26 @@ An estimate from swapped channels need not look wrong: least squares pulls the r
 towards zero and explains the rest. So where a value contradicts physics, or a row explains little, two
 channels at a time are exchanged, or one is reversed, and the rows are solved again: those of the middle of a
 long record. What no change of all records mends may be wrong in some of them alone.
+
+What was set right in wrong channels, zeros, delays and gains, is as wrong as they are: channels are exchanged
+as they were read, and zeros of encoders that read a deflection are found anew.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, islice, pairwise, product
+from itertools import islice, product
 from typing import NamedTuple
 
 import numpy as np
 
-from modelgen.array_types import FloatArray
-from modelgen.errors import ModelgenError
+from modelgen.errors import IdentifiabilityError, ModelgenError, Problem
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.diagnostics.row_noise import exceeding_noise, hardly_weighed
-from modelgen.runtime.diagnostics.samples.unit_errors import amplitudes_off
-from modelgen.runtime.diagnostics.thresholds import REVERSED
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.channel_changes import ChannelChange, channel_changes
 from modelgen.runtime.identification.cutoffs.choose_cutoff import part_tried
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
@@ -30,6 +31,8 @@ from modelgen.runtime.identification.refusals import dependent_columns, unanswer
 from modelgen.runtime.identification.thresholds import (
     AS_LITTLE,
     BETTER,
+    FAR_BETTER,
+    LOOKED_INTO,
     OVER_NOISE,
     TRIES,
     TRIES_A_CHANNEL,
@@ -37,21 +40,9 @@ from modelgen.runtime.identification.thresholds import (
 )
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
-from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.bounds import negative_columns
 from modelgen.runtime.parameters.thresholds import BEYOND_CHANCE
-from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
-
-
-@dataclass(frozen=True)
-class _Change:
-    """What is done to the channels; `alike` tells whether filters chosen before hold after it, too."""
-
-    words: str
-    channels: str
-    alike: bool
-    apply: Callable[[Record], Record]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +84,8 @@ class _Sense:
 
     def explained_by(self, other: _Sense) -> bool:
         """Tell whether the worst row of another fit leaves much less; to leave all of a term is the worst."""
-        return other.unexplained < BETTER * min(self.unexplained, 1.0)
+        share = BETTER if self.unexplained >= UNEXPLAINED or self.impossible else FAR_BETTER
+        return other.unexplained < share * min(self.unexplained, 1.0)
 
     def mended_by(self, other: _Sense) -> bool:
         """Tell whether another fit explains what this one does not, and contradicts nothing."""
@@ -107,7 +99,7 @@ class _Mended(NamedTuple):
     """A change of the channels of some records, and the fit that it mends."""
 
     sense: _Sense
-    change: _Change
+    change: ChannelChange
     places: Sequence[int]
 
 
@@ -127,7 +119,7 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
         # a derivative may be all noise in a record that hardly moves: that says nothing of the channels
         rows = _beyond_noise(job, fit)
         given = _Sense(job, fit, rows)
-        if given.unexplained < UNEXPLAINED:
+        if given.unexplained < LOOKED_INTO:
             return ()
     run = METHODS["wls"].run
     parts = tuple(part_tried(record) for record in job.records)
@@ -137,9 +129,12 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
     if shorter or fit.carried is not None or any(block.opened for block in fit.blocks):
         # composites that are free of each other explain by terms that cancel what physical values leave
         given = _Sense(job, run(job)[1], rows)
+    if job.unaligned:
+        parts = tuple(part_tried(record) for record in job.unaligned)
+        job = replace(job, records=parts, surveys=(), start=None)
     still = [key for key in job.model.channels if not any(_spans(record, key) for record in job.records)]
     tries, every = max(TRIES, TRIES_A_CHANNEL * len(job.model.channels)), tuple(range(len(parts)))
-    changes = [*islice(_changes(job.model, parts, still), tries)]
+    changes = [*islice(channel_changes(job.model, parts, still), tries)]
     alike = [change for change in changes if change.alike]
     others = [change for change in changes if not change.alike]
     # what measures something else may look like nearly anything, of noise as well: last, and in all records;
@@ -151,7 +146,7 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
         tried: list[_Mended] = []
         for places, change in group:
             try:
-                other = _changed(job, change, places)
+                other = _zeros_anew(_changed(job, change, places))
                 found = _Sense(other, run(other)[1], rows)
                 if given.mended_by(found):
                     tried.append(_Mended(found, change, places))
@@ -162,6 +157,12 @@ def swapped_channels(job: Job, fit: Fit) -> tuple[Advice, ...]:
     return ()
 
 
+def or_swapped(error: IdentifiabilityError, job: Job, fit: Fit) -> IdentifiabilityError:
+    """Return a refusal, or in its place what exchanging channels would mend: the rest follows."""
+    swapped = [Problem(one.where, one.what, one.remedy) for one in swapped_channels(job, fit)]
+    return IdentifiabilityError(*swapped) if swapped else error
+
+
 def _unlike_others(fit: Fit, count: int) -> list[tuple[int, ...]]:
     """Return which of so many records may have wrong channels: those that explain little, or all others.
 
@@ -169,10 +170,12 @@ def _unlike_others(fit: Fit, count: int) -> list[tuple[int, ...]]:
     be either.
     """
     shares = [fit.unexplained(index) for index in range(len(fit.blocks))]
+    worst = max((1.0 if share is None else share for share in shares), default=0.0)
+    least = UNEXPLAINED if worst >= UNEXPLAINED else LOOKED_INTO
     little = {
         block.record
         for block, share in zip(fit.blocks, shares, strict=True)
-        if share is None or share >= UNEXPLAINED
+        if share is None or share >= least
     }
     if count == 2 and len(little) != 1:
         little = {0}
@@ -206,80 +209,21 @@ def _told(job: Job, given: _Sense, tried: Sequence[_Mended]) -> Advice:
     return Advice("swapped", where, what, "check which column is which channel, and their signs (--map)")
 
 
-def _changes(model: Model, records: Sequence[Record], still: Container[str]) -> Iterator[_Change]:
-    """Yield exchanges of channels that measure the same, reversals, and exchanges of any other two.
-
-    But of two sensors whose amplitudes agree as they are. Of an arm there are many: what neighbours read on
-    one side of their springs is taken for each other first, and all else that measures the same last.
-    """
-    kinds = {sensor.key: (sensor.measures, sensor.unit) for sensor in model.sensors}
-    kinds |= {actuator.key: ("force", actuator.unit) for actuator in model.actuators}
-    # one that reads the same everywhere explains nothing in another's place
-    known = [key for key in model.channels if key in kinds and key not in still]
-    pairs = list(combinations(known, 2))
-    alike = [(one, other) for one, other in pairs if kinds[one] == kinds[other]]
-    near = _of_neighbours(model, known) if model.is_arm else alike
-    yield from (_exchange(one, other, True) for one, other in near)
-    yield from (_reversal(key) for key in known)
-    yield from (_exchange(one, other, True) for one, other in alike if (one, other) not in near)
-    for one, other in pairs:
-        change = _exchange(one, other, False)
-        if (one, other) not in alike and _may_be(change, {one, other}, model, records):
-            yield change
-
-
-def _of_neighbours(model: Model, keys: Sequence[str]) -> list[tuple[str, str]]:
-    """Return pairs of channels that follow each other among those of one kind and one side of springs."""
-    sides = {one.key: (one.measures, one.unit, (one.body or "").endswith(" motor")) for one in model.sensors}
-    sides |= {one.key: ("force", one.unit, one.key.startswith("tau_")) for one in model.actuators}
-    by_side: dict[tuple[str, str, bool], list[str]] = {}
-    for key in keys:
-        by_side.setdefault(sides[key], []).append(key)
-    return [pair for same in by_side.values() for pair in pairwise(same)]
-
-
-def _may_be(change: _Change, keys: Container[str], model: Model, records: Sequence[Record]) -> bool:
-    """Tell whether amplitudes do not speak against an exchange of channels that measure something else.
-
-    A gear, or a derivative, shows in those of two sensors however much noise there is.
-    """
-    pair = [sensor for sensor in model.sensors if sensor.key in keys]
-    given = amplitudes_off(model, records, *pair) if len(pair) == 2 else None
-    if given is None:
-        return True
-    other = amplitudes_off(model, [change.apply(record) for record in records], *pair)
-    return other is None or other < given + np.log(REVERSED)
-
-
-def _exchange(one: str, other: str, alike: bool) -> _Change:
-    def apply(record: Record) -> Record:
-        return record.edited({one: Edit(other, _same), other: Edit(one, _same)})
-
-    return _Change("swapped with each other", f"{one} and {other}", alike, apply)
-
-
-def _reversal(key: str) -> _Change:
-    def apply(record: Record) -> Record:
-        return record.edited({key: Edit(key, _mirrored)})
-
-    return _Change("reversed in sign", key, True, apply)
-
-
-def _same(samples: FloatArray, _: int) -> FloatArray:
-    return samples
-
-
-def _mirrored(samples: FloatArray, _: int) -> FloatArray:
-    return -samples
-
-
-def _changed(job: Job, change: _Change, places: Container[int]) -> Job:
+def _changed(job: Job, change: ChannelChange, places: Container[int]) -> Job:
     """Return a job whose records at these places are changed."""
     records = tuple(
         change.apply(record) if place in places else record for place, record in enumerate(job.records)
     )
     choice = job.choice if change.alike else choose_filter(job.model, records)
     return replace(job, records=records, choice=choice)
+
+
+def _zeros_anew(job: Job) -> Job:
+    if not job.model.is_arm:  # others need not load it
+        return job
+    from modelgen.runtime.identification.elastic.effect_rows import with_zeros_anew
+
+    return with_zeros_anew(job)
 
 
 def _beyond_noise(job: Job, fit: Fit) -> frozenset[tuple[int, int]]:

@@ -14,11 +14,15 @@ LIKELY_WITHIN, LEAST_COMPLIANCE = 1.96, 0.1
 # Columns that move together leave a parameter without a number from this relative standard deviation in % on.
 WITHOUT_NUMBER_PERCENT = 100.0
 
-# A row that leaves this share of its largest term unexplained is looked into,
+# A row that leaves this share of its largest term unexplained is taken for swapped channels,
 UNEXPLAINED = 0.9
 # and an exchange is reported if it leaves less than this share of what the worst row left before; or,
 # where values were impossible, if none is any more and no row leaves this share of its largest term.
 BETTER = 0.5
+# A row that leaves less, but this share and more, may lack anything, and is not taken for swapped channels
+# unless an exchange leaves a tenth of it: of seven arms with swapped encoders, which left 25 to 89 %, the
+# right exchange left 0.1 to 1.1 % of that, and the next best 22 % and more.
+LOOKED_INTO, FAR_BETTER = 0.1, 0.1
 # Changes that leave as much but for this share are told apart by nothing: a force reversed, or all else.
 AS_LITTLE = 0.01
 # Solving again costs as much as the estimate: so many times at most for all records, or a part of them; of an

@@ -16,15 +16,12 @@ import pytest
 from generated import emps300_qm_ac, emps300_qm_qc, emps_rigid_qm, three_mass_qa_qb_qc, two_mass_bench_qm_qc
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.filter_choice.filter_choice import choose_filter
+from modelgen.runtime.identification.channel_changes import channel_changes
 from modelgen.runtime.identification.identify import identify
 from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.methods import METHODS
 from modelgen.runtime.identification.options import values_of
-from modelgen.runtime.identification.swapped_channels import (
-    _changes,
-    _Sense,
-    swapped_channels,
-)
+from modelgen.runtime.identification.swapped_channels import _Sense, swapped_channels
 from modelgen.runtime.identification.thresholds import TRIES, TRIES_A_CHANNEL
 from modelgen.runtime.least_squares.fit import CarriedOver
 from modelgen.runtime.least_squares.hac_covariance import influence
@@ -169,7 +166,7 @@ def test_a_derivative_that_is_all_noise_says_nothing_of_the_channels(monkeypatch
     fit = METHODS["wls"].run(job)[1]
     assert _Sense(job, fit).unexplained > 0.9
     monkeypatch.setattr(
-        "modelgen.runtime.identification.swapped_channels._changes", lambda *_: pytest.fail("tried")
+        "modelgen.runtime.identification.swapped_channels.channel_changes", lambda *_: pytest.fail("tried")
     )
     assert swapped_channels(job, fit) == ()
 
@@ -212,9 +209,9 @@ def test_only_an_exchange_that_fits_is_asked_for_values_that_cannot_be(
 
 def test_a_channel_that_never_changes_is_exchanged_with_none() -> None:
     records = experiments("qc")
-    told = {change.channels for change in _changes(QC, records, ("Gamma_m",))}
+    told = {change.channels for change in channel_changes(QC, records, ("Gamma_m",))}
     assert told == {"q_m and q_c", "q_m", "q_c"}
-    assert any("Gamma_m" in change.channels for change in _changes(QC, records, ()))
+    assert any("Gamma_m" in change.channels for change in channel_changes(QC, records, ()))
 
 
 @pytest.mark.parametrize("joints", [3, 6])
@@ -230,11 +227,13 @@ def test_of_an_arm_neighbours_and_reversals_are_tried_before_anything_else(joint
     forces = [SimpleNamespace(key=f"tau_{n}", unit="N m") for n in numbers]
     keys = tuple(one.key for one in (*sensors, *forces))
     arm: Any = SimpleNamespace(sensors=sensors, actuators=forces, channels=keys, is_arm=True)
-    first = [one.channels for one in islice(_changes(arm, (), ()), max(TRIES, TRIES_A_CHANNEL * len(keys)))]
+    first = [
+        one.channels for one in islice(channel_changes(arm, (), ()), max(TRIES, TRIES_A_CHANNEL * len(keys)))
+    ]
     stems = ("motor_position_", "link_position_", "tau_")
     near = {f"{stem}{n} and {stem}{n + 1}" for stem in stems for n in numbers[:-1]}
     assert near | {*keys} <= {*first}
-    every = [one.channels for one in _changes(arm, (), ())]
+    every = [one.channels for one in channel_changes(arm, (), ())]
     assert len(every) == len({*every}) == len(keys) * (len(keys) + 1) // 2
 
 
@@ -248,5 +247,5 @@ def test_an_encoder_and_an_accelerometer_that_agree_are_not_exchanged(noise: flo
         for one, more in zip(experiments("ac"), loud, strict=True)
     ]
     wrong = swapped(right, "q_m", "a_c")
-    found = [{change.channels for change in _changes(AC, given, ())} for given in (right, wrong)]
+    found = [{change.channels for change in channel_changes(AC, given, ())} for given in (right, wrong)]
     assert ["q_m and a_c" in channels for channels in found] == [False, True]

@@ -157,8 +157,7 @@ def _with_zeros(task: Task, again: Again, zeros: Sequence[Effect]) -> Begun:
     for _ in range(ALIGNING_ROUNDS if zeros else 0):
         rows = EffectRows(now.job, tuple(zeros))
         try:
-            # what a zero does is that at the stiffness that goes with it
-            fit = rows.about(rows.solved(zeros)).solved(zeros)
+            fit = rows.solved_at_own_point(zeros)
         except (DataError, IdentifiabilityError):
             break
         spread = dict(zip(fit.columns, np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0)), strict=True))
@@ -275,4 +274,5 @@ def _corrected(task: Task, sizes: Mapping[Effect, float], model: Model) -> Task:
         return tuple(set_right(model, record, index, known) for index, record in enumerate(records))
 
     changed = task.changed(change)
-    return replace(changed, model=model, job=replace(changed.job, model=model, surveys=()))
+    job = replace(changed.job, model=model, surveys=(), unaligned=task.job.records)
+    return replace(changed, model=model, job=job)

@@ -11,6 +11,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.diagnostics.noise_bias import less_noise, lifted_along
 from modelgen.runtime.identification.elastic.channel_errors import set_right, tried_size
+from modelgen.runtime.identification.elastic.encoder_zeros import encoder_zeros, zeros_at_mean
 from modelgen.runtime.identification.elastic.force_lags import is_lag, noise_along_lag
 from modelgen.runtime.identification.elastic.link_forces import LinkForce, LinksInMotion
 from modelgen.runtime.identification.elastic.row_forces import RowForce, force_rows
@@ -65,6 +66,13 @@ class EffectRows:
         places = [self.rows.columns.index(name) for name in names]
         blocks = tuple(block.chosen(places) for block in self.rows.blocks)
         return fit_matched(replace(self.rows, columns=tuple(names), blocks=blocks), further=sizes)
+
+    def solved_at_own_point(self, effects: Sequence[Effect]) -> Fit:
+        """Return the fit with what effects add at the parameters of a fit that knows of them.
+
+        What a zero adds is that at the stiffness that goes with it.
+        """
+        return self.about(self.solved(effects)).solved(effects)
 
     def without(self, effect: Effect) -> EffectRows:
         """Return the same rows with an effect, and others of its name, put aside."""
@@ -132,6 +140,23 @@ class EffectRows:
         if not job.leave_open:
             return rows
         return without_uncertain_turns(rows, job.model, job.records, job.choice, job.drop, job.turns)
+
+
+def with_zeros_anew(job: Job) -> Job:
+    """Return a job with zeros set right of encoders that read a deflection, as its rows show them."""
+    zeros, count = tuple(encoder_zeros(job.model, len(job.records))), len(job.records)
+    if not zeros:
+        return job
+    records = tuple(
+        set_right(job.model, record, index, zeros_at_mean(job.model, record, index, count))
+        for index, record in enumerate(job.records)
+    )
+    job = replace(job, records=records, surveys=())
+    fit = EffectRows(job, zeros).solved_at_own_point(zeros)
+    found = dict(zip(fit.columns, fit.solution.x.tolist(), strict=True))
+    sizes: dict[Effect, float] = {one: found.get(one.name, 0.0) for one in zeros}
+    records = tuple(set_right(job.model, record, index, sizes) for index, record in enumerate(records))
+    return replace(job, records=records)
 
 
 def _grown(job: Job, effects: Sequence[Effect], index: int, point: FloatArray) -> Iterator[FloatArray]:

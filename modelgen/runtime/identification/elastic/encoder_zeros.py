@@ -10,9 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 
+import numpy as np
+
+from modelgen.runtime.identification.elastic.link_forces import link_readings
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.model_errors import zero_effect
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.records.record import Record
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,3 +57,22 @@ def of_other_records(sizes: Mapping[Effect, float]) -> dict[Effect, float]:
             zeros.setdefault(effect.channel, []).append(size)
     others = {effect: size for effect, size in sizes.items() if not isinstance(effect, EncoderZero)}
     return others | {zero_effect(key, None, 1): sum(every) / len(every) for key, every in zeros.items()}
+
+
+def zeros_at_mean(model: Model, record: Record, index: int, records: int) -> dict[Effect, float]:
+    """Return zeros that leave springs undeflected on average, of the `index`-th of so many records.
+
+    What is left is the mean force over the stiffness. Beside a zero of many deflections least squares has
+    next to no stiffness, and what a zero does is not to be seen at that.
+    """
+    keys, reads = deflecting(model), link_readings(model)
+    others = [key for key in reads if key not in keys and key in record.signals]
+    mean = {key: float(np.mean(record.signals[key])) for key in (*keys, *others)}
+    # motors stand where their links do
+    tied = {key: read.reshape(2, -1).sum(axis=0) for key, read in reads.items()}
+    if not others:
+        return {}
+    links = np.linalg.pinv([tied[key] for key in others]) @ [mean[key] for key in others]
+    return {
+        zero_effect(key, index, records): mean[key] - float(tied[key] @ links) for key in keys if key in tied
+    }

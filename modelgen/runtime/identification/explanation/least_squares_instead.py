@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.errors import DataError, IdentifiabilityError, Problem
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.runtime.diagnostics.noise_bias import noise_bias
 from modelgen.runtime.diagnostics.parameter_checks import null_columns
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
@@ -36,7 +36,7 @@ from modelgen.runtime.identification.job import Job
 from modelgen.runtime.identification.memory_limit import beyond_limit
 from modelgen.runtime.identification.methods import IV, WLS, Auto, Method
 from modelgen.runtime.identification.refusals import all_refused, refusals, refused_problems
-from modelgen.runtime.identification.swapped_channels import swapped_channels
+from modelgen.runtime.identification.swapped_channels import or_swapped
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import (
     BIAS_SHARE,
@@ -163,9 +163,7 @@ def stand_in(
     biased = np.any(np.abs(bias) > STANDS_IN * np.abs(fit.solution.x))
     if biased or impossible or max(fit.left_shares) > LEFT_SHARE:
         reasons = refused_problems(refused, task.model)
-        swapped = [Problem(one.where, one.what, one.remedy) for one in swapped_channels(task.job, fit)]
-        # where channels are exchanged the rest follows
-        raise IdentifiabilityError(*(swapped or (*error.problems, *reasons))) from None
+        raise or_swapped(IdentifiabilityError(*error.problems, *reasons), task.job, fit) from None
     note, drift = f"method wls: {why}; noise pulls it little", found.found.drift + np.outer(bias, bias)
     if not turns:
         drift = drift + timing_by_stretches(replace(task.job, turns=False), method.least_squares, found.found)

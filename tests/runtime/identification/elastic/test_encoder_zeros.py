@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from modelgen import CheckOptions, Record, identify
+from modelgen.errors import IdentifiabilityError
+from modelgen.runtime.identification.elastic.channel_errors import set_right
 from modelgen.runtime.identification.elastic.encoder_zeros import (
     deflecting,
     encoder_zeros,
     of_other_records,
+    zeros_at_mean,
 )
 from modelgen.runtime.iv.model_errors import delay_effect
 from tests.runtime.identification.elastic.test_channels_set_right import FS, errors, made, told
@@ -73,3 +76,34 @@ def test_held_out_records_are_set_right_as_well() -> None:
     held = found.checks.held_out
     assert held is not None
     assert all(row.relative_error < 2.0 * (row.fitted_error or 0.0) for row in held.rows)
+
+
+def test_springs_are_undeflected_on_average_without_the_zeros_that_say_so() -> None:
+    model, read, _ = made()
+    given = Record(read | {MOTOR: read[MOTOR] + 9.0}, FS, "arm")
+    zeros = zeros_at_mean(model, given, 0, 1)
+    assert {one.name for one in zeros} == {one.name for one in encoder_zeros(model, 1)}
+    again = zeros_at_mean(model, set_right(model, given, 0, zeros), 0, 1)
+    assert max(abs(size) for size in again.values()) < 1e-12
+    (by_zero,) = (one for one in zeros if one.channel == MOTOR)
+    plain = zeros_at_mean(model, Record(read, FS, "arm"), 0, 1)
+    assert zeros[by_zero] == pytest.approx(9.0 + next(s for o, s in plain.items() if o.channel == MOTOR))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", ["link", "motor"])
+def test_encoders_of_two_joints_that_are_swapped_are_named(side: str) -> None:
+    """Zeros of the channels as given were set right before: beside these no exchange explained anything.
+
+    Of motors that are swapped all else is refused: noise was said to hide the motion.
+    """
+    model, read, _ = made()
+    one, other = f"{side}_position_1", f"{side}_position_2"
+    record = Record(read | {one: read[other], other: read[one]}, FS, "arm")
+    if side == "motor":
+        with pytest.raises(IdentifiabilityError, match="may be swapped with each other") as refused:
+            identify(model, record)
+        (where,) = (problem.where for problem in refused.value.problems)
+    else:
+        (where,) = (said.where for said in identify(model, record).checks.advice if said.kind == "swapped")
+    assert f"channel {one} and {other}," in where
