@@ -12,7 +12,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.identification.elastic.encoder_zeros import deflecting, encoder_zeros
+from modelgen.runtime.identification.elastic.encoder_zeros import DRIVE, deflecting, encoder_zeros
 from modelgen.runtime.identification.elastic.force_lags import force_lags, is_lag
 from modelgen.runtime.identification.elastic.row_forces import RowForce, nothing
 from modelgen.runtime.identification.thresholds import (
@@ -35,9 +35,6 @@ from modelgen.runtime.numerics.decorrelation import square_root
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.rows.derived_channels import with_derived
-
-# What names of channels of drives begin with; joint torques have others.
-DRIVE = "tau_"
 
 
 def forces_of_drives(model: Model) -> tuple[str, ...]:
@@ -169,7 +166,6 @@ def _one_a_cause(effects: Sequence[Effect], sizes: Sequence[float]) -> Iterator[
 def channel_errors(model: Model, records: int = 1) -> tuple[Effect, ...]:
     """Return what may be off: when channels are read, zeros of levels, those of some records, and gears."""
     read, geared = model.channels, gears(model)
-    forces = [actuator.key for actuator in model.actuators]
     bodies = {one.key: one.body for one in model.sensors if one.measures == "position" and one.key in read}
     levels = {signal.channel for signal in model.signals if signal.derivative == 0}
     between = deflecting(model)
@@ -178,7 +174,7 @@ def channel_errors(model: Model, records: int = 1) -> tuple[Effect, ...]:
         key for key, body in bodies.items() if f"{body} motor" not in bodies.values() and key not in between
     ]
     found = [delay_effect(key) for key in read]
-    found += [zero_effect(key, None, 1) for key in (*own, *forces) if key in levels]
+    found += [zero_effect(key, None, 1) for key in (*own, *forces_of_drives(model)) if key in levels]
     found += [*force_lags(forces_of_drives(model)), *mountings(model)]
     return (*encoder_zeros(model, records), *found, *(_gear_effect(key) for key in geared))
 

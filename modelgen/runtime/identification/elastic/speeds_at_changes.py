@@ -19,7 +19,7 @@ from typing import Literal
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.identification.elastic.channel_errors import DRIVE
+from modelgen.runtime.identification.elastic.encoder_zeros import DRIVE
 from modelgen.runtime.identification.methods import run_wls
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.model.model import Model

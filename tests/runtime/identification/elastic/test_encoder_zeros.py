@@ -15,7 +15,15 @@ from modelgen.runtime.identification.elastic.encoder_zeros import (
     zeros_at_mean,
 )
 from modelgen.runtime.iv.model_errors import delay_effect
-from tests.runtime.identification.elastic.test_channels_set_right import FS, errors, made, told
+from tests.runtime.identification.elastic.test_channels_set_right import (
+    FS,
+    errors,
+    exact_channels,
+    made,
+    told,
+)
+from tests.symbolic.arms.elastic_arms import two_link, with_sensors
+from tests.symbolic.arms.test_elastic_rows import both
 
 MOTOR, OTHER = "motor_position_1", "motor_position_2"
 
@@ -29,6 +37,22 @@ def test_encoders_of_both_sides_have_a_zero_between_them_in_each_record() -> Non
         f"{key} has a zero of its own" for key in (MOTOR, OTHER)
     }
     assert list(encoder_zeros(made(("motor",))[0], 2)) == []
+
+
+@pytest.mark.slow
+def test_zeros_of_torque_sensors_leave_the_estimate_as_it_is() -> None:
+    """Offsets of drives took up what zeros read, 0.2 and 0.3 N m, and moments of links the rest."""
+    spec = with_sensors(two_link(), *both("motor"), *both("link"), *both("between", "torque"))
+    model, read, truth = exact_channels(spec, np.random.default_rng(3))
+    torques = [key for key in model.channels if key.startswith("between_torque")]
+    assert [one.channel for one in encoder_zeros(model, 1)] == sorted((*torques, MOTOR, OTHER))
+    rng, sizes = np.random.default_rng(4), {"motor": 5e-6, "link": 5e-6, "tau": 0.05, "between": 0.05}
+    noisy = {key: x + sizes[key.split("_")[0]] * rng.standard_normal(len(x)) for key, x in read.items()}
+    off = noisy | {torques[0]: noisy[torques[0]] + 0.3, torques[1]: noisy[torques[1]] - 0.2}
+    plain, found = (identify(model, Record(one, FS, "arm")) for one in (noisy, off))
+    assert np.max(np.abs(errors(found, truth))) < 3.5
+    for name, value in plain.params.items():
+        assert abs(found.params[name] - value) < 0.3 * plain.bse[name], name
 
 
 def test_records_that_were_held_out_have_the_mean_of_the_zeros() -> None:
