@@ -141,7 +141,8 @@ def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
 
     Half a sample of a command that a drive holds hides the springs of motors that no sensor sees: where rows
     of held commands are clearly more likely, the task is of those. Where rows tell neither, what the estimate
-    moves by is in its deviations.
+    moves by is in its deviations. Where steps of one of them do not rest both are compared near the other's
+    place, of rows that leave no force open: that they do not rest says nothing of commands.
     """
     if not task.sets_channels_right:
         return _searched(task, StartedSprings(_on_time(task), kernel))
@@ -149,14 +150,28 @@ def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
     from modelgen.runtime.identification.elastic.channel_errors import forces_of_drives
 
     drives = forces_of_drives(task.model)
-    plain, held = _with_and_without_holds(task, task.changed(partial(with_holds, channels=drives)), kernel)
-    if held is None or plain is None:
-        return plain or (held and (held[0], replace(held[1], held=drives)))
-    of_plain, of_held = _misfit(plain[0])[0], _misfit(held[0])[0]
-    if of_plain > of_held + AS_LIKELY * (1.0 if plain[1].told or not held[1].told else -1.0):
+    with_held = task.changed(partial(with_holds, channels=drives))
+    plain, held = _with_and_without_holds(task, with_held, kernel)
+    if (found := plain or held) is None:
+        return None
+    if plain is None or held is None:
+        # steps need not rest where rows leave other samples open with every one of them
+        tasks = [replace(one, job=replace(one.job, leave_open=False)) for one in (task, with_held)]
+        near = [_at_rest(one, _on_time(one), kernel, (found[1].point,)) for one in tasks]
+        if near[0] is None or near[1] is None or _holds(near[0], near[1]) == (found is held):
+            return found if found is plain else (found[0], replace(found[1], held=drives))
+        plain, held = near[0], near[1]
+    if _holds(plain, held):
         return held[0], replace(held[1], held=drives)
-    alike = (held[1].point - plain[1].point,) if of_held < of_plain + AS_LIKELY else ()
-    return plain[0], replace(plain[1], beyond=(*plain[1].beyond, *alike))
+    alike = _misfit(held[0])[0] < _misfit(plain[0])[0] + AS_LIKELY
+    beyond = (held[1].point - plain[1].point,) if alike else ()
+    return plain[0], replace(plain[1], beyond=(*plain[1].beyond, *beyond))
+
+
+def _holds(plain: tuple[Task, Rest], held: tuple[Task, Rest]) -> bool:
+    """Tell whether rows of held commands are clearly more likely, or tell springs that the others do not."""
+    apart = AS_LIKELY * (1.0 if plain[1].told or not held[1].told else -1.0)
+    return _misfit(plain[0])[0] > _misfit(held[0])[0] + apart
 
 
 def _with_and_without_holds(

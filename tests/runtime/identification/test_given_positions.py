@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -194,6 +196,61 @@ def test_springs_are_sought_behind_held_commands(
     assert rest.held == (("tau_1",) if held else ())
     assert len(rest.beyond) == beyond
     assert all(np.array_equal(one, 2.0 * GOAL) for one in rest.beyond)
+
+
+@dataclass(frozen=True)
+class GivenJob:
+    leave_open: bool = True
+
+
+@dataclass(frozen=True)
+class Given:
+    """A task whose commands are held or not, and whose rows leave forces open or not."""
+
+    commands: str
+    job: GivenJob = GivenJob()
+    sets_channels_right: bool = True
+
+    @property
+    def model(self) -> SimpleNamespace:
+        return SimpleNamespace(actuators=(SimpleNamespace(key="tau_1"),))
+
+    def changed(self, _: object) -> Given:
+        return replace(self, commands="held")
+
+
+@pytest.mark.parametrize(
+    ("only", "closed", "commands", "left_open"),
+    [
+        ("held", {"plain": 1.0, "held": 10.0}, "plain", False),
+        ("held", {"plain": 10.0, "held": 1.0}, "held", True),
+        ("held", {"held": 1.0}, "held", True),
+        ("plain", {"plain": 10.0, "held": 1.0}, "held", False),
+        ("plain", {"plain": 1.0, "held": 10.0}, "plain", True),
+    ],
+)
+def test_steps_that_do_not_rest_say_nothing_of_commands(
+    monkeypatch: pytest.MonkeyPatch, only: str, closed: dict[str, float], commands: str, left_open: bool
+) -> None:
+    """Motors alone in fast motion: as rows without holds did not rest, friction was 20 deviations off."""
+
+    def near(task: Given, job: GivenJob, _: object, points: Sequence[Any]) -> Any:
+        assert not job.leave_open and points == (GOAL,)
+        return (task, Rest(GOAL, np.zeros(3), 0.0)) if task.commands in closed else None
+
+    def both(task: Given, held: Given, _: object) -> tuple[Any, ...]:
+        rest = Rest(GOAL, np.zeros(3), 0.0)
+        return tuple((one, rest) if one.commands == only else None for one in (task, held))
+
+    monkeypatch.setattr(given_positions, "_with_and_without_holds", both)
+    monkeypatch.setattr(given_positions, "_at_rest", near)
+    monkeypatch.setattr(given_positions, "_on_time", lambda task: task.job)
+    monkeypatch.setattr(given_positions, "_misfit", lambda task: (closed[task.commands], True))
+    given: Any = Given("plain")
+    kernel: Any = Kernel()
+    found: Any = given_positions._about(given, kernel)
+    assert (found[0].commands, found[0].job.leave_open) == (commands, left_open)
+    assert found[1].held == (("tau_1",) if commands == "held" else ())
 
 
 @pytest.mark.parametrize("through_noise", [False, True])
