@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from math import comb
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from modelgen.array_types import FloatArray, IntArray
 from modelgen.runtime.filters.thresholds import (
@@ -38,6 +39,8 @@ from modelgen.runtime.filters.thresholds import (
 # Differences of even order are symmetric: a jump is in the middle.
 DIFFERENCE = np.array([comb(JUMP_ORDER, k) * (-1.0) ** k for k in range(JUMP_ORDER + 1)]) / 2.0**JUMP_ORDER
 
+# Samples that are looked at together: they stay in the processor's cache.
+BLOCK = 1 << 13
 
 # What it makes of a signal whose slope grows by 1 a sample, there.
 BENT = -comb(JUMP_ORDER - 2, JUMP_ORDER // 2 - 1) / 2.0**JUMP_ORDER
@@ -112,9 +115,10 @@ def _unpredicted(samples: FloatArray, others: Sequence[FloatArray]) -> FloatArra
     that leaves least of what is no step. It answers what sensors read, and of a mode that rings behind every
     step they tell more than its own samples.
     """
-    now = samples[STEP_ORDER:]
-    few = slice(None, None, -(-len(now) // STEP_ROWS))
-    some, wanted = [np.ones(len(now[few])), *(one[few] for one in _before((samples, *others)))], now[few]
+    channels, n = (samples, *others), len(samples) - STEP_ORDER
+    few = np.arange(0, n, -(-n // STEP_ROWS))
+    some = [np.ones(len(few)), *(one for channel in channels for one in _before(channel, few))]
+    wanted = samples[STEP_ORDER:][few]
     sizes = np.array([float(np.linalg.norm(one)) or 1.0 for one in some])
     rows, usual, share = np.column_stack(some) / sizes, np.ones(len(wanted), dtype=bool), sizes
     for _ in range(STEP_ROUNDS):
@@ -124,19 +128,28 @@ def _unpredicted(samples: FloatArray, others: Sequence[FloatArray]) -> FloatArra
         if np.array_equal(usual, before):
             break
     share = share / sizes
-    left = np.concatenate([np.zeros(STEP_ORDER), now - share[0]])
-    for part, one in zip(share[1:], _before((samples, *others)), strict=True):
-        left[STEP_ORDER:] -= part * one
+    left = np.zeros(len(samples))
+    # in blocks that stay in the processor's cache
+    for start in range(0, n, BLOCK):
+        stop = min(start + BLOCK, n)
+        block = samples[start + STEP_ORDER : stop + STEP_ORDER] - share[0]
+        told = (one for channel in channels for one in _before(channel, slice(start, stop)))
+        for part, one in zip(share[1:], told, strict=True):
+            block -= part * one
+        left[start + STEP_ORDER : stop + STEP_ORDER] = block
     return left
 
 
-def _before(channels: Sequence[FloatArray]) -> Iterator[FloatArray]:
-    """Yield the sample before of each channel, and its differences, shape (n - STEP_ORDER,) each."""
-    for channel in channels:
-        change = channel
-        for order in range(STEP_ORDER):
-            yield change[STEP_ORDER - 1 - order : -1]
-            change = np.diff(change)
+def _before(channel: FloatArray, which: IntArray | slice) -> Iterator[FloatArray]:
+    """Yield the sample before of a channel and its differences, shape (count,) each, at some samples.
+
+    Those behind the first STEP_ORDER ones, counted from there.
+    """
+    change = sliding_window_view(channel[:-1], STEP_ORDER)[which].T
+    yield change[-1]
+    for _ in range(STEP_ORDER - 1):
+        change = np.diff(change, axis=0)
+        yield change[-1]
 
 
 def _usual_near(sizes: FloatArray, places: IntArray) -> FloatArray:

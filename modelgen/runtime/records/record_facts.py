@@ -223,12 +223,17 @@ class RecordFacts:
 
     def _steps(self, channel: str) -> Iterator[tuple[IntArray, FloatArray]]:
         n, read = self._source.n, (self._read or self)._source
-        for start in range(0, n, WHOLE):
+        keys = [key for key in read.keys if key != channel]
+
+        def part(start: int) -> tuple[IntArray, FloatArray]:
             low, high = max(start - JUMP_ORDER, 0), min(start + WHOLE + JUMP_ORDER, n)
-            others = [read.read(key, low, high) for key in read.keys if key != channel]
+            others = [read.read(key, low, high) for key in keys]
             places, sizes = steps(self._source.read(channel, low, high), others)
             inside = (low + places >= start) & (low + places < start + WHOLE)
-            yield low + places[inside], sizes[inside]
+            return low + places[inside], sizes[inside]
+
+        starts = range(0, n, WHOLE)
+        return each(part, starts, len(starts))
 
     def power(
         self, channel: str, derivative: int = 0, keep_mean: bool = False
