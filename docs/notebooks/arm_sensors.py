@@ -51,7 +51,7 @@ pandas.DataFrame(
 # %% [markdown]
 # ## How well, in slow and in fast motion
 #
-# A Fourier series of 6 s within the arm's limits, and 4 s of small, fast motion about its modes, each in
+# A Fourier series of 4 s within the arm's limits, and 3 s of small, fast motion about its modes, each in
 # closed loop at 1 kHz; encoders of 5e-6 rad, torques of 0.1 N m (standard deviations). Half of a 95 %
 # interval in %, and a dash where there is no number. Slow motion hardly deflects the springs: from
 # encoders on one side alone it gives stiffness to some tens of percent, or not at all.
@@ -66,9 +66,9 @@ for name in arm.sensor_sets:
     ((file, text),) = arm_files(arm, name).items()
     sets[name] = PlannedSet(model_from_text(text, file), mounted(arm, name))
 model = sets["motor_and_link_encoders"].model
-slow = fourier_reference(model, 6.0, 1000.0)
-planned = fast_excitation(model, values, planned_joints(arm), slow.motion.q[:, 0], 4.0)
-times = np.arange(4001) / 1000.0
+slow = fourier_reference(model, 4.0, 1000.0)
+planned = fast_excitation(model, values, planned_joints(arm), slow.motion.q[:, 0], 3.0)
+times = np.arange(3001) / 1000.0
 fast = JointReference(JointMotion(*planned.trajectory.at(times), 1000.0), "fast")
 
 

@@ -138,7 +138,7 @@ def test_units_of_files_are_those_of_identify(tmp_path: Path, scheduler: str) ->
     columns += [np.degrees(record.signals[key]) for key in ("q_m", "q_c")] + [record.signals["Gamma_m"]]
     heads = "t [s],q_m [deg],q_c [deg],Gamma_m [N m]"
     np.savetxt(file, np.column_stack(columns), delimiter=",", header=heads, comments="")
-    options = ["--model", str(MODULE), "--json"]
+    options = ["--model", str(MODULE), "--method", "wls", "--json"]
     alone = json.loads(CliRunner().invoke(app, ["identify", str(file), *options]).stdout)
     fleet = CliRunner().invoke(app, ["fleet", str(file), *options, "--scheduler", scheduler])
     assert fleet.exit_code == 0, fleet.output

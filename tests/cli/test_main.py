@@ -467,7 +467,7 @@ def test_identify_maps_scales_and_times_columns(here: Path, bench: Path) -> None
     rows = [[float(cell) for cell in line.split(",")] for line in lines[2:]]
     foreign = [f"{t!r},{-1024.0 * q!r},{a!r},{g!r}" for t, q, a, g in rows]
     Path("foreign.csv").write_text("\n".join(["clock,angle,acc,current", *foreign]), encoding="utf-8")
-    model = ("--model", bench / "emps300_qm_ac.py", "--cutoff-hz", "150")
+    model = ("--model", bench / "emps300_qm_ac.py", "--cutoff-hz", "150", "--method", "wls")
     columns = (
         "--map",
         "q_m=-angle",

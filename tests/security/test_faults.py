@@ -109,12 +109,8 @@ def test_modules_that_fit_are_whole_and_the_others_are_absent(processes: Path) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("option", "name", "method"), [("-o", "estimate.json", "auto"), ("--report", "report.html", "wls")]
-)
-def test_results_that_do_not_fit_leave_the_old_file(
-    record: Path, option: str, name: str, method: str
-) -> None:
+@pytest.mark.parametrize(("option", "name"), [("-o", "estimate.json"), ("--report", "report.html")])
+def test_results_that_do_not_fit_leave_the_old_file(record: Path, option: str, name: str) -> None:
     old = record.with_name(name)
     old.write_text("old", encoding="utf-8")
     arguments = [
@@ -126,7 +122,7 @@ def test_results_that_do_not_fit_leave_the_old_file(
         name,
         "--overwrite",
         "--method",
-        method,
+        "wls",
     ]
     done = with_disk_of(2_000, *arguments)
     assert done.returncode == 2

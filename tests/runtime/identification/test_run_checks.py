@@ -166,17 +166,17 @@ def lacking_force(share: float) -> Record:
 @pytest.mark.slow
 def test_a_doubtful_parameter_can_be_kept_but_not_what_is_impossible() -> None:
     record = lacking_force(0.1)
-    plain = identify(RIGID, record, **values_of(cutoff_hz=40.0))
+    plain = identify(RIGID, record, **values_of("wls", cutoff_hz=40.0))
     assert "no constant-velocity motion" in plain.not_identifiable["Fv"]
     assert "times what the model leaves unexplained" in plain.not_identifiable["Fv"]
-    kept = identify(RIGID, record, **values_of(keep=("Fv",), cutoff_hz=40.0))
+    kept = identify(RIGID, record, **values_of("wls", keep=("Fv",), cutoff_hz=40.0))
     assert "Fv" in kept.params
     assert "Fc" in kept.not_identifiable
     (advice,) = [one for one in kept.checks.advice if one.kind == "kept on request"]
     assert advice.where == "Fv"
     assert "no constant-velocity motion" in advice.what
     assert kept.checks.kept == ("Fv",)
-    impossible = identify(RIGID, rigid_record(ONE_WAY[1.0]), **values_of(keep=("Fc",), **SETTINGS))
+    impossible = identify(RIGID, rigid_record(ONE_WAY[1.0]), **values_of("wls", keep=("Fc",), **SETTINGS))
     assert "Fc" not in impossible.params
     with pytest.raises(DataError, match=r"has no parameter Fx.*Fv"):
         identify(RIGID, record, **values_of(keep=("Fx",), **SETTINGS))

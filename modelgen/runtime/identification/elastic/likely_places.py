@@ -6,9 +6,11 @@ motion: it deflects by more than its motor moves, and from starts of one share r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import tee
 
 import numpy as np
 
@@ -40,6 +42,7 @@ from modelgen.runtime.identification.thresholds import (
     OVER_NOISE,
     SETTLING_STEPS,
 )
+from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.wls import refit
 from modelgen.runtime.model.deflected_kernel import DeflectedKernel
 
@@ -109,9 +112,51 @@ def _left(job: Job, kernel: DeflectedKernel, point: FloatArray) -> float:
 
 
 def _stepped_from(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray]) -> list[FloatArray]:
-    """Return where a few steps lead from starts, base parameters in SI, what leaves least first."""
-    ends = [_stepped(job, kernel, start, SETTLING_STEPS) for start in starts]
+    """Return where a few steps lead from starts, base parameters in SI, what leaves least first.
+
+    Readings of what springs place tell springs before any link is known: where steps from there explain the
+    rows no other start is needed.
+    """
+    first, starts = tee(starts)
+    told = _told_by_readings(job, kernel, first)
+    ends = [] if told is None else [_stepped(job, kernel, told, SETTLING_STEPS)]
+    if not (ends and ends[0][0] is not None and explains(job, kernel, ends[0][0])):
+        ends += [_stepped(job, kernel, start, SETTLING_STEPS) for start in starts]
     return [point for point, _ in sorted(ends, key=lambda one: one[1]) if point is not None]
+
+
+def _told_by_readings(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray]) -> FloatArray | None:
+    """Return the first springs and drives, (columns,) in SI, that rows with no other unknowns lead to.
+
+    A speed or an acceleration of a link that its spring places is nearly linear in 1 / K, and holds no
+    inertia. None where rows are not such, or do not tell every spring.
+    """
+    alone = [row for row in kernel.rows if {*job.model.regressor_columns[row]} <= {*kernel.columns}]
+    if not alone or len(alone) == len(kernel.rows):
+        return None
+    dampers = {job.model.base_parameters[c] for row in kernel.giving for c in row.acting(1)}
+    springs = {job.model.base_parameters[c] for row in kernel.giving for c in row.acting(0)}
+    for point in starts:
+        with suppress(IdentifiabilityError):
+            for count in range(HELD_STEPS + SETTLING_STEPS):
+                fit = _of_rows(fit_about(job, kernel, point), alone)
+                if not springs <= {*fit.columns}:
+                    return None
+                if count < HELD_STEPS:
+                    fit = refit(fit, [name for name in fit.columns if name not in dampers])
+                point = moved(job.model, kernel, fit, point)
+            if springs_pull(kernel, point):
+                return point
+    return None
+
+
+def _of_rows(fit: Fit, rows: Sequence[int]) -> Fit:
+    """Return least squares of some rows of a fit, with its weights, in the columns that they hold."""
+    kept = [place for place, block in enumerate(fit.blocks) if block.row in rows]
+    blocks, weights = (tuple(of[place] for place in kept) for of in (fit.blocks, fit.weights))
+    some = replace(fit, blocks=blocks, weights=weights)
+    held = np.any(some.triangle[:, :-1], axis=0)
+    return refit(some, [name for name, one in zip(fit.columns, held, strict=True) if one])
 
 
 def _stepped(
