@@ -153,8 +153,8 @@ def _told_by_readings(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatA
 def _of_rows(fit: Fit, rows: Sequence[int]) -> Fit:
     """Return least squares of some rows of a fit, with its weights, in the columns that they hold."""
     kept = [place for place, block in enumerate(fit.blocks) if block.row in rows]
-    blocks, weights = (tuple(of[place] for place in kept) for of in (fit.blocks, fit.weights))
-    some = replace(fit, blocks=blocks, weights=weights)
+    weights = tuple(fit.weights[place] for place in kept)
+    some = replace(fit, blocks=tuple(fit.blocks[place] for place in kept), weights=weights)
     held = np.any(some.triangle[:, :-1], axis=0)
     return refit(some, [name for name, one in zip(fit.columns, held, strict=True) if one])
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from math import log
 
 import numpy as np
@@ -27,6 +27,7 @@ from modelgen.runtime.identification.explanation.explained import (
     delays_of,
     exceeding,
     late_forces,
+    run_method,
     with_note,
 )
 from modelgen.runtime.identification.explanation.from_starts import with_shown_effects
@@ -138,21 +139,43 @@ class Held:
 
 
 def _alternatives(task: Task, first: Begun, run: Callable[[Task], Begun]) -> Iterator[Held]:
-    held = held_commands(first)
+    held, likely = held_commands(first), partial(_may_be, cache(partial(_without_effects, first)))
     if held:
-        yield Held(*held_estimate(_holding(task, tuple(held)), first, held, run))
+        holding = _holding(task, tuple(held))
+        yield Held(*held_estimate(holding, first, held, run, likely=likely))
     beside, fs = late_forces(first), first.task.records[0].fs
     stepping = {key: beside[key] + 0.5 / fs if key in beside else 0.0 for key in stepping_commands(task)}
     if stepping:
-        steps = Held(*held_estimate(task, first, stepping, run, stepped=True), stepped=True)
+        steps = Held(*held_estimate(task, first, stepping, run, True, likely), stepped=True)
         yield steps
         if not stepping.keys() <= held.keys():
             # a drive that acts at its samples alone holds all of its command, however late that is: with such
             # a delay a lag looks alike, but leaves more than noise
             holding = _holding(task, tuple(stepping))
-            other = Held(*held_estimate(holding, steps.begun, steps.late, run), whole=True)
+            other = Held(*held_estimate(holding, steps.begun, steps.late, run, likely=likely), whole=True)
             if other.begun is not steps.begun and not exceeding(other.begun):
                 yield other
+
+
+def _without_effects(first: Begun) -> Begun:
+    """Return an estimate without what its residual shows."""
+    task = first.task
+    return run_method(replace(task, job=replace(task.job, effects=(), sizes=())), task.method)
+
+
+def _may_be(plain: Callable[[], Begun], held: Begun, lengths: Mapping[str, float]) -> bool:
+    """Tell whether commands may be held, by estimates without and with it in which no effect is.
+
+    What the residual shows of either takes most of the time. An effect may make up for a hold that there is
+    not; no record speaks for that.
+    """
+    first = plain()
+    before, after = first.found.fit, held.found.fit
+    if before.columns == after.columns:
+        known = np.sqrt(np.diag(hac_covariance(before) + first.found.drift))
+        if np.all(np.abs(after.solution.x - before.solution.x) < HARDLY_MOVES * known):
+            return False
+    return gained(first, held, quiet_job(first.task), lengths) > -AS_LIKELY
 
 
 def _or_other(better: Begun, by: float, others: Sequence[Held], first: Begun) -> Begun:

@@ -31,12 +31,18 @@ from modelgen.runtime.identification.thresholds import HELD_ROUNDS, HELD_SETTLED
 
 
 def held_estimate(
-    task: Task, first: Begun, held: Mapping[str, float], run: Callable[[Task], Begun], stepped: bool = False
+    task: Task,
+    first: Begun,
+    held: Mapping[str, float],
+    run: Callable[[Task], Begun],
+    stepped: bool = False,
+    likely: Callable[[Begun, Mapping[str, float]], bool] = lambda known, lengths: True,
 ) -> tuple[Begun, Mapping[str, float], Mapping[str, float]]:
     """Return an estimate without images, by how many s each command is late, and over how many samples held.
 
     With `stepped` its steps are, and what is beside them as long as the estimate shows; the intervals hold
-    how long that may be. What was estimated first where there is no estimate.
+    how long that may be. What was estimated first where there is no estimate, and where one without effects,
+    with how long commands are held in it, is not `likely`: nothing else is looked for then.
     """
     task, known = at_cutoff_of(task, first.task), first
     # nothing else is looked for until images are nearly right: that takes most of the time
@@ -48,6 +54,8 @@ def held_estimate(
     moves: list[tuple[FloatArray, float]] = []
     with suppress(IdentifiabilityError, DataError):
         known, held, rest = _without_images(task, known, held, plain, rest, told=True)
+        if not likely(known, _lengths(held, rest, fs)):
+            return first, held, {}
         moves = list(_moved_by_rest(task, known, held, plain, rest))
     try:
         known, held, _ = _without_images(task, known, held, run, rest)
@@ -60,8 +68,13 @@ def held_estimate(
         keys = ", ".join(unknown)
         what = f"how long {keys} is held beside its steps hardly shows: the intervals hold what may be"
         known = with_note(known, f"{what}; record it as often as its controller acts")
+    return known, held, _lengths(held, rest, fs)
+
+
+def _lengths(held: Mapping[str, float], rest: Mapping[str, LaterRest], fs: float) -> Mapping[str, float]:
+    """Return over how many samples each command is held, or what is no step of it; fs in Hz."""
     lengths = {key: held_for(one.later, held[key] * fs) for key, one in rest.items()}
-    return known, held, lengths or dict.fromkeys(held, 1.0)
+    return lengths or dict.fromkeys(held, 1.0)
 
 
 def _without_images(
