@@ -14,7 +14,7 @@ from modelgen.errors import DataError
 from modelgen.runtime.comparison.thresholds import RESPONSE_PERIODS, SIGNIFICANCE
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import zero_phase
-from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.identify import identify_whole
 from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.model.model import Model
@@ -84,7 +84,7 @@ def conditioning(
     """
     values = model.parameter_sets[parameter_set]
     records = [simulate(model, values, kind, fs=fs, duration_s=duration_s).record for kind in EXCITATIONS]
-    estimate = identify(model, records, checks=CheckOptions(drift_check=False))
+    estimate = identify_whole(model, records, checks=CheckOptions(drift_check=False))
     choice = estimate.fit.filtering
     gains = noise_gains(model, choice.filter_order, choice.cutoff_hz, fs)
     return Conditioning(
@@ -150,7 +150,9 @@ def estimates_of(
         keep = tuple(name for name in checks.keep if name in model.base_parameters)
         own = [record.select(tuple(channels)) for record in records]
         found.append(
-            identify(model, own, method, replace(filters, directions=sources), replace(checks, keep=keep))
+            identify_whole(
+                model, own, method, replace(filters, directions=sources), replace(checks, keep=keep)
+            )
         )
     return tuple(found)
 

@@ -40,6 +40,7 @@ REMEDIES = {
     "link": "move this link and those before it faster, and through more postures",
     "gain": "add a record with a payload of known mass",
     "mounting": "turn the link with this sensor faster, and about more axes",
+    "bending": "excite up to the mode of vibration",
 }
 
 

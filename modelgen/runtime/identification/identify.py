@@ -7,12 +7,14 @@ from dataclasses import replace
 from functools import partial
 from types import ModuleType
 
+from modelgen.errors import DataError, IdentifiabilityError
 from modelgen.keyword_options import refuse_other
 from modelgen.progress import heard, step
 from modelgen.runtime.diagnostics.friction_asymmetry import asymmetry_notes
 from modelgen.runtime.identification.assemble_estimate import Solved, judge
 from modelgen.runtime.identification.given_positions import about_the_estimate
 from modelgen.runtime.identification.methods import Method
+from modelgen.runtime.identification.one_body.found_as_one_body import found_as_one_body
 from modelgen.runtime.identification.options import (
     CheckOptions,
     Filters,
@@ -21,7 +23,7 @@ from modelgen.runtime.identification.options import (
 )
 from modelgen.runtime.identification.run_checks import checked, compared, more_than_noise, refused_late
 from modelgen.runtime.identification.solution import fitted, settings_drift
-from modelgen.runtime.identification.task import prepared
+from modelgen.runtime.identification.task import Task, prepared
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.channels import Channels
 from modelgen.runtime.records.record import Record
@@ -79,6 +81,22 @@ def identify(
         return _identified(model, records, chosen, filtering, checks or CheckOptions())
 
 
+def identify_whole(
+    model: Model,
+    records: Sequence[Record],
+    method: str | Method = "auto",
+    filters: Filters | None = None,
+    checks: CheckOptions | None = None,
+) -> Estimate:
+    """Return the estimate of a model itself, for those who go on with its base parameters; see `identify`.
+
+    What `identify` tells of a chain as one body has others.
+    """
+    return _estimated(
+        prepared(model, records, chosen_method(method), filters or Filters(), checks or CheckOptions())
+    )
+
+
 def _identified(
     model: Model | ModuleType,
     records: Record | Channels | Sequence[Record | Channels],
@@ -86,8 +104,25 @@ def _identified(
     filters: Filters,
     checks: CheckOptions,
 ) -> Estimate:
-    """Return the estimate: every step of an identification by its name."""
-    task, rest = about_the_estimate(prepared(model, records, method, filters, checks))
+    """Return the estimate, that of the chain as one body where its records show no spring."""
+    task = prepared(model, records, method, filters, checks)
+
+    def of_body(body: Model, its_filters: Filters) -> Estimate:
+        return _estimated(prepared(body, records, method, its_filters, checks))
+
+    try:
+        found = _estimated(task)
+    except (DataError, IdentifiabilityError):
+        instead = found_as_one_body(task, None, of_body)
+        if instead is None:
+            raise
+        return instead
+    return found_as_one_body(task, found, of_body) or found
+
+
+def _estimated(task: Task) -> Estimate:
+    """Return the estimate of a task: every step of an identification by its name."""
+    task, rest = about_the_estimate(task)
     if task.model.is_arm:  # others need not load it
         from modelgen.runtime.identification.explanation.wider_directions import with_turns_between_samples
 

@@ -18,7 +18,7 @@ from modelgen.array_types import FloatArray
 from modelgen.errors import DataError, IdentifiabilityError, ModelgenError, Problem
 from modelgen.progress import step
 from modelgen.runtime.identification.assemble_estimate import certain
-from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.identify import identify_whole
 from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.options import CheckOptions, Filters
 from modelgen.runtime.joining.joint_estimate import Agreement, Joined, JointEstimate, assembled
@@ -75,7 +75,7 @@ def identify_jointly(
         step(f"identifying from sensors {title}")
         own = _own_options(model, records, filters or Filters(), checks or CheckOptions())
         try:
-            found[title] = identify(model, records, method, *own)
+            found[title] = identify_whole(model, records, method, *own)
         except IdentifiabilityError as error:
             failed[title] = error
         except ModelgenError as error:

@@ -35,7 +35,7 @@ ARM_VERSION = 2
 REMEDY = "generate the module again with this version of modelgen"
 MEASURES = ("position", "velocity", "acceleration")
 FUNCTIONS = ("sign", "forward", "backward", "cube")
-ROLE_NAMES = ("inertia", "viscous", "coulomb", "offset", "stiffness", "damping", "stiffness3")
+ROLE_NAMES = ("inertia", "viscous", "coulomb", "offset", "stiffness", "damping", "stiffness3", "bending")
 
 
 VALUES: dict[str, Kind] = {"CHAIN": TEXT, "SENSOR_SET": TEXT, "COMPOSITES": TEXTS_BY_NAME, **COMMON}

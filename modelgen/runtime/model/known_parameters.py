@@ -64,11 +64,14 @@ def with_known(model: Model, values: Mapping[str, float], where: str = "known") 
         raise DataError.at(where, "gives values for an arm, whose module is regrouped by then", remedy)
     if not held:
         return model
-    reduced = _reduced(model, held) if model.composites else _regrouped(model, held)
+    if model.composites:
+        reduced = _reduced(model, held)
+    else:
+        reduced = regrouped(model, held, model.base_jacobian(dict.fromkeys(model.parameters, 1.0)))
     if not reduced.names:
         what = "leave no parameter to estimate"
         raise DataError.at(where, what, f"leave out at least one of {listed(held)}")
-    return model_from_module(_module(model, held, reduced))
+    return model_from_module(reduced_module(model, held, reduced))
 
 
 def as_identified(model: Model, known: Mapping[str, float]) -> Model:
@@ -77,7 +80,7 @@ def as_identified(model: Model, known: Mapping[str, float]) -> Model:
 
 
 @dataclass(frozen=True, eq=False)
-class _Reduced:
+class Reduced:
     """What is left of the base parameters, and what is known of them.
 
     `names` are those left and `mixing`, shape (columns, left), their columns as sums of the old ones;
@@ -109,10 +112,11 @@ def _left(model: Model, held: Mapping[str, float]) -> list[str]:
     return [name for name in model.parameters if name not in held]
 
 
-def _regrouped(model: Model, held: Mapping[str, float]) -> _Reduced:
-    """Return the sums of the parameters left: the first independent columns in their order, as a spec has."""
-    ones = dict.fromkeys(model.parameters, 1.0)
-    every = model.base_jacobian(ones)
+def regrouped(model: Model, held: Mapping[str, float], every: FloatArray) -> Reduced:
+    """Return the sums of the parameters left: the first independent columns in their order, as a spec has.
+
+    `every` says how base parameters (SI) grow with all physical ones, in which they are linear, shape (c, p).
+    """
     place = {name: index for index, name in enumerate(model.parameters)}
     fixed = sum((value * every[:, place[name]] for name, value in held.items()), np.zeros(len(every)))
     left = _left(model, held)
@@ -155,10 +159,10 @@ def _regrouped(model: Model, held: Mapping[str, float]) -> _Reduced:
 
     more = {"base_from_physical": base_from_physical, "physical_from_base": physical_from_base}
     units = {name: model.units[head] for name, head in zip(names, heads, strict=True)}
-    return _Reduced(names, units, A[:, chosen], fixed, identifiable, absent, more)
+    return Reduced(names, units, A[:, chosen], fixed, identifiable, absent, more)
 
 
-def _reduced(model: Model, held: Mapping[str, float]) -> _Reduced:
+def _reduced(model: Model, held: Mapping[str, float]) -> Reduced:
     """Return the composites that parameters left have a part in."""
     left = _left(model, held)
     slopes = _slopes(model, held, left)
@@ -184,7 +188,7 @@ def _reduced(model: Model, held: Mapping[str, float]) -> _Reduced:
         "COMPOSITES": {name: text for name, text in model.composites.items() if name in names},
     }
     units = {name: model.units[name] for name in names}
-    return _Reduced(names, units, np.eye(len(scale))[:, kept], fixed, identifiable, absent, more)
+    return Reduced(names, units, np.eye(len(scale))[:, kept], fixed, identifiable, absent, more)
 
 
 def _slopes(model: Model, held: Mapping[str, float], left: list[str]) -> FloatArray:
@@ -215,7 +219,7 @@ def _sum_text(names: list[str], factors: FloatArray) -> str:
     return signed_sum((f < 0.0, name if abs(f) == 1.0 else f"{abs(f):.6g}*{name}") for name, f in pairs)
 
 
-def _module(model: Model, held: Mapping[str, float], reduced: _Reduced) -> ModuleType:
+def reduced_module(model: Model, held: Mapping[str, float], reduced: Reduced) -> ModuleType:
     """Return a module like the model's, whose functions see the tables and base parameters that are left."""
     old = vars(model.module)
     measurement, regressor, fixed = old["measurement"], old["regressor"], reduced.fixed
@@ -246,7 +250,7 @@ def _known_module(model: Model, held: Mapping[str, float]) -> ModuleType:
     return module
 
 
-def _columns(model: Model, reduced: _Reduced) -> Callable[[], dict[str, Any]]:
+def _columns(model: Model, reduced: Reduced) -> Callable[[], dict[str, Any]]:
     measurement, regressor = [], []
     for terms, columns in zip(model.measurement_columns, model.regressor_columns, strict=True):
         known = [(-float(reduced.fixed[column]), own) for column, own in columns.items()]

@@ -16,7 +16,7 @@ SYMMETRIC = ("Ixy", "Ixz", "Iyz", "mx", "my", "mz")
 
 def may_be_zero(name: str, role: str) -> bool:
     """Return whether a parameter of a right model may well be zero: relative to that none is certain."""
-    return role in ("offset", "mounting") or (role == "link" and name.split("_")[0] in SYMMETRIC)
+    return role in ("offset", "mounting", "bending") or (role == "link" and name.split("_")[0] in SYMMETRIC)
 
 
 @dataclass(frozen=True)

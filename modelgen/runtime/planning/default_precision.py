@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from modelgen.errors import DataError, IdentifiabilityError
-from modelgen.runtime.identification.identify import identify
+from modelgen.runtime.identification.identify import identify_whole
 from modelgen.runtime.planning.planned_experiment import Experiment
 from modelgen.runtime.planning.precision import Precision, Predicted
 from modelgen.runtime.planning.thresholds import COPIES
@@ -28,7 +28,7 @@ def default_estimate(planned: Experiment, seed: int) -> Estimate:
         When it gives no parameter.
     """
     try:
-        return identify(planned.model, planned.records(seed))
+        return identify_whole(planned.model, planned.records(seed))
     except DataError as error:  # a record too short for the filter that this noise asks for, say
         raise IdentifiabilityError(*error.problems) from error
 

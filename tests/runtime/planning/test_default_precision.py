@@ -78,7 +78,7 @@ def promised(monkeypatch: pytest.MonkeyPatch, copies: Sequence[Any]) -> Any:
         parameters = SimpleNamespace(physical=physical)
         return SimpleNamespace(parameters=parameters, not_identifiable=reasons, condition_number=7.0)
 
-    monkeypatch.setattr(predictions, "identify", identified)
+    monkeypatch.setattr(predictions, "identify_whole", identified)
     model = SimpleNamespace(known={}, parameters=("K", "J"))
     planned: Any = SimpleNamespace(model=model, parameters={"K": 50.0, "J": 2.0}, records=lambda seed: seed)
     return predictions.default_precision(planned)

@@ -1,0 +1,1 @@
+"""A chain of which slow motion shows no spring, as one body."""

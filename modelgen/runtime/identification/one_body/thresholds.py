@@ -1,0 +1,5 @@
+"""Thresholds of a chain taken as one body."""
+
+# How often the cut-off of a chain taken as one body is halved at most, and what is certain enough, in %. What
+# springs bend that is so many deviations below zero is that of a mode within the band.
+HALVED_CUTOFFS, CERTAIN_PERCENT, UNLIKE_A_SPRING = 5, 1.0, 2.0
