@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from modelgen.atomic_write import write_whole
 from modelgen.optional_library import optional_library
 from modelgen.runtime.curves.rebuilt import Rebuilt, rebuild
+from modelgen.runtime.curves.subject import model_of
 from modelgen.runtime.plots.row_plots import draw_row
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def write_figure(path: Path, found: Identified, overwrite: bool) -> None:
     rows = [
         replace(row, record=f"{title}: {row.record}") if title else row
         for title, model, records, estimate in found.alone()
-        for row in rebuild(model, records, estimate)[0]
+        for row in rebuild(model_of(estimate, model), records, estimate)[0]
         if row.has_force
     ]
     optional_library("matplotlib", "plot", str(path))

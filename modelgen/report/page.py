@@ -30,6 +30,7 @@ from modelgen.report.scan_plot import scan_plots
 from modelgen.report.unmade import Unmade
 from modelgen.runtime.curves.rebuilt import Rebuilt, autocorrelation, rebuild, used_records
 from modelgen.runtime.curves.responses import moving_forces, responses
+from modelgen.runtime.curves.subject import model_of
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.modes.modes import posture_ranges
 from modelgen.runtime.parameters.grouped_reasons import grouped_reasons
@@ -76,6 +77,7 @@ def report_page(
     """
     left = Unmade(unmade or {})
     records = [item.record if isinstance(item, Reading) else item for item in readings]
+    model = model_of(estimate, model)
     rows, singular = rebuild(model, records, estimate)
     return rendered(
         "report.html.j2",

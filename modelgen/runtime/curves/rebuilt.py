@@ -141,9 +141,12 @@ def _observed(model: Model, records: Sequence[Record], estimate: Estimate) -> tu
         found = observe_paper(model, moved, choice)
         return found, found
     used = {(entry.record, entry.row): entry.used for entry in estimate.fit.rows}
-    ways: tuple[bool | Literal["open"], ...] = ("open", True, False)
-    for way in ways:
-        observation, turns = observe(model, moved, choice, turns=way), way is not False
+    ways: tuple[tuple[bool | Literal["open"], bool], ...]
+    # the last are rows to which friction that they drop was added
+    ways = (("open", False), (True, False), (False, False), (False, True))
+    for way, friction in ways:
+        observation = observe(model, moved, choice, turns=way, friction=friction)
+        turns = way is not False
         counts = {(block.record_name, block.row_name): len(block.place) for block in observation.blocks}
         if all(counts[key] == used[key] for key in counts.keys() & used.keys()):
             break

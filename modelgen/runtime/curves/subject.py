@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from types import ModuleType
 
 from modelgen.errors import DataError
+from modelgen.runtime.identification.one_body.body_model import as_one_body
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.records.record import Record
 from modelgen.runtime.results.estimate import Estimate
 
 
 def model_of(estimate: Estimate, given: Model | ModuleType | None = None) -> Model:
-    """Return the given model, or the one that the estimate was made with.
+    """Return the given model, or the one that the estimate was made with; as one body where it is of that.
 
     Raises
     ------
@@ -28,7 +29,8 @@ def model_of(estimate: Estimate, given: Model | ModuleType | None = None) -> Mod
     if (model.chain, model.sensor_set) != (estimate.model.chain, estimate.model.sensor_set):
         what = f"is of {estimate.model}, the model of {model.chain}, sensors {model.sensor_set}"
         raise DataError.at("estimate", what, "give the module that it was identified with")
-    return model
+    body = as_one_body(model) if estimate.model.as_one_body else None
+    return model if body is None else body
 
 
 def records_of(estimate: Estimate, given: Record | Sequence[Record] | None = None) -> tuple[Record, ...]:

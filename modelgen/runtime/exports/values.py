@@ -94,7 +94,7 @@ def _refuse_other(model: Model, estimate: Estimate) -> None:
     if (estimate.model.chain, estimate.model.sensor_set) != (model.chain, model.sensor_set) or len(
         estimate.base
     ) != len(model.base_parameters):
-        if "bending" in estimate.model.roles.values():
+        if estimate.model.as_one_body:
             what = "is of the chain as one body: its springs did not show in the records"
             raise DataError.at("estimate", what, "record a motion that reaches the mode, or give all values")
         what = f"is of {estimate.model}; the model is {model.chain}, sensors {model.sensor_set}"

@@ -15,6 +15,7 @@ from modelgen.runtime.identification.assemble_estimate import Solved, judge
 from modelgen.runtime.identification.given_positions import about_the_estimate
 from modelgen.runtime.identification.methods import Method
 from modelgen.runtime.identification.one_body.found_as_one_body import found_as_one_body
+from modelgen.runtime.identification.one_body.sticking import sticking_drift
 from modelgen.runtime.identification.options import (
     CheckOptions,
     Filters,
@@ -141,6 +142,7 @@ def _estimated(task: Task) -> Estimate:
         moved, notes = settings_drift(task, solution, again)
         drift = drift + moved
         fit = replace(fit, notes=fit.notes + notes)
+    drift = drift + sticking_drift(fit, task.model)
     extras = others()
     drift = drift + more_than_noise(fit, extras)
     refused = refused_late(task, solution, fit, drift, extras)

@@ -69,6 +69,10 @@ class CubicSpring:
     deflection: tuple[tuple[int, float], ...]
 
 
+# The role of what springs bend in a chain that moves as one body.
+BENDING = "bending"
+
+
 @dataclass(frozen=True)
 class Role:
     """What a physical parameter is (inertia, viscous, coulomb, ...) and the bodies it acts on."""

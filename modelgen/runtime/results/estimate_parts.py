@@ -11,6 +11,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.frozen_values import FrozenValues, read_only
 from modelgen.runtime.filter_choice.filter_choice import FilterChoice
+from modelgen.runtime.model.mechanical_parts import BENDING
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.parameters.pruning import Pruning
 
@@ -40,6 +41,11 @@ class EstimatedModel:
 
     def __str__(self) -> str:
         return f"{self.chain}, sensors {self.sensor_set}"
+
+    @property
+    def as_one_body(self) -> bool:
+        """Whether the chain was identified as one body, as its records show no spring."""
+        return BENDING in self.roles.values()
 
 
 @dataclass(frozen=True)

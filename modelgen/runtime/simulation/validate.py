@@ -18,7 +18,7 @@ from modelgen.errors import DataError
 from modelgen.keyword_options import with_defaults
 from modelgen.runtime.filters.derivatives import differentiate
 from modelgen.runtime.filters.zero_phase import support_samples, zero_phase
-from modelgen.runtime.model.mechanical_parts import Sensor
+from modelgen.runtime.model.mechanical_parts import BENDING, Sensor
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record, refuse_lacking
 from modelgen.runtime.records.same_data import is_held_out, refuse_same_data
@@ -229,6 +229,12 @@ def parameters_of(estimate: Mapping[str, object] | Documented, model: Model) -> 
     if estimate.get("chain") != model.chain:
         what = f"is of the chain {estimate.get('chain')}, the model of {model.chain}"
         raise DataError.at("estimate", what, "give an estimate of the same chain")
+    roles = estimate.get("roles")
+    if isinstance(roles, Mapping) and BENDING in roles.values():
+        what = (
+            "is of the chain as one body, whose springs did not show: it has no values to simulate them with"
+        )
+        raise DataError.at("estimate", what, "identify it from a motion that reaches the mode of vibration")
     if model.is_arm and isinstance(estimate.get("params"), Mapping):
         physical = cast("Mapping[str, Any]", estimate["params"])
     values = {str(name): value for name, value in physical.items()}

@@ -22,10 +22,10 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.model.known_parameters import Reduced, reduced_module, regrouped
+from modelgen.runtime.model.mechanical_parts import BENDING
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.model.module_file import MADE_BY
 
-BENDING = "bending"  # the role of what springs bend
 # N m/rad of springs beside bodies of 1 kg m^2: composites are then those of a rigid chain, to so many digits.
 STIFF, RIGID_DIGITS = 1e12, 1e-9
 LINKS = ("stiffness", "damping")

@@ -18,7 +18,7 @@ from modelgen.magnitudes import SMALLEST
 from modelgen.progress import step
 from modelgen.runtime.advice import Advice
 from modelgen.runtime.identification.methods import Auto
-from modelgen.runtime.identification.one_body.body_model import BENDING, as_one_body
+from modelgen.runtime.identification.one_body.body_model import as_one_body
 from modelgen.runtime.identification.one_body.thresholds import (
     CERTAIN_PERCENT,
     HALVED_CUTOFFS,
@@ -27,6 +27,7 @@ from modelgen.runtime.identification.one_body.thresholds import (
 from modelgen.runtime.identification.options import Filters
 from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LARGEST_PERCENT
+from modelgen.runtime.model.mechanical_parts import BENDING
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.results.estimate import Estimate

@@ -7,8 +7,9 @@ import pickle
 import numpy as np
 import pytest
 
-from modelgen.runtime.identification.one_body.body_model import BENDING, as_one_body
+from modelgen.runtime.identification.one_body.body_model import as_one_body
 from modelgen.runtime.model.known_parameters import with_known
+from modelgen.runtime.model.mechanical_parts import BENDING
 from modelgen.runtime.model.model import Model
 from tests.runtime.iv.physical.swinging_servo import SERVO, TRUTH, servo
 from tests.runtime.iv.physical.test_composite_iv import model_of
