@@ -11,6 +11,7 @@ import numpy as np
 from modelgen.array_types import FloatArray
 from modelgen.runtime.diagnostics.samples.unit_errors import amplitudes_off
 from modelgen.runtime.diagnostics.thresholds import REVERSED
+from modelgen.runtime.model.arm_channels import DRIVE
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record
@@ -53,7 +54,7 @@ def channel_changes(
 def _of_neighbours(model: Model, keys: Sequence[str]) -> list[tuple[str, str]]:
     """Return pairs of channels that follow each other among those of one kind and one side of springs."""
     sides = {one.key: (one.measures, one.unit, (one.body or "").endswith(" motor")) for one in model.sensors}
-    sides |= {one.key: ("force", one.unit, one.key.startswith("tau_")) for one in model.actuators}
+    sides |= {one.key: ("force", one.unit, one.key.startswith(DRIVE)) for one in model.actuators}
     by_side: dict[tuple[str, str, bool], list[str]] = {}
     for key in keys:
         by_side.setdefault(sides[key], []).append(key)

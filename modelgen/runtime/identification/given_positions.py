@@ -158,20 +158,21 @@ def _about(task: Task, kernel: DeflectedKernel) -> tuple[Task, Rest] | None:
         # steps need not rest where rows leave other samples open with every one of them
         tasks = [replace(one, job=replace(one.job, leave_open=False)) for one in (task, with_held)]
         near = [_at_rest(one, _on_time(one), kernel, (found[1].point,)) for one in tasks]
-        if near[0] is None or near[1] is None or _holds(near[0], near[1]) == (found is held):
-            return found if found is plain else (found[0], replace(found[1], held=drives))
-        plain, held = near[0], near[1]
-    if _holds(plain, held):
+        of_held = found is held
+        plain, held = near
+        if plain is None or held is None or _behind(plain, held)[1] == of_held:
+            return (found[0], replace(found[1], held=drives)) if of_held else found
+    behind, clearly = _behind(plain, held)
+    if clearly:
         return held[0], replace(held[1], held=drives)
-    alike = _misfit(held[0])[0] < _misfit(plain[0])[0] + AS_LIKELY
-    beyond = (held[1].point - plain[1].point,) if alike else ()
+    beyond = (held[1].point - plain[1].point,) if behind > -AS_LIKELY else ()
     return plain[0], replace(plain[1], beyond=(*plain[1].beyond, *beyond))
 
 
-def _holds(plain: tuple[Task, Rest], held: tuple[Task, Rest]) -> bool:
-    """Tell whether rows of held commands are clearly more likely, or tell springs that the others do not."""
-    apart = AS_LIKELY * (1.0 if plain[1].told or not held[1].told else -1.0)
-    return _misfit(plain[0])[0] > _misfit(held[0])[0] + apart
+def _behind(plain: tuple[Task, Rest], held: tuple[Task, Rest]) -> tuple[float, bool]:
+    """Return by how much rows without holds are less likely, and whether clearly, or of fewer springs."""
+    behind = _misfit(plain[0])[0] - _misfit(held[0])[0]
+    return behind, behind > AS_LIKELY * (1.0 if plain[1].told or not held[1].told else -1.0)
 
 
 def _with_and_without_holds(

@@ -16,6 +16,8 @@ from modelgen.errors import DataError
 from modelgen.runtime.model.arm_kernel import Sum
 
 COUPLED = "_motor"
+# What names of channels of drives begin with; joint torques have others.
+DRIVE = "tau_"
 LOAD = "load_"
 Entry = dict[str, Any]
 _FIRST = ("position", "velocity", "acceleration")
@@ -100,7 +102,7 @@ def _of_joints(module: Any) -> ArmChannels:
     signals = [_read(sensor, order) for sensor in sensors for order in (0, 1, 2)]
     forces = _actuators(module)
     signals += [_pushed(force, 0) for force in forces]
-    keys, loads = (tuple(k for k in module.SIGNALS if k.startswith(s)) for s in (("tau_", "base_"), LOAD))
+    keys, loads = (tuple(k for k in module.SIGNALS if k.startswith(s)) for s in ((DRIVE, "base_"), LOAD))
     signals += [_carried(key) for key in loads]
     return ArmChannels(tuple(sensors), tuple(forces), tuple(signals), derived, tuple(speeds), keys, loads)
 
@@ -200,7 +202,7 @@ def _actuators(module: Any) -> list[Entry]:
             found.append(_force(key, torques[key], _turns(module, torques[key])))
         elif key.startswith("base_"):
             found.append(_force(key, key, key[5] == "n"))
-        elif key.startswith("tau_"):
+        elif key.startswith(DRIVE):
             found.append(_force(key, key[4:], _turns(module, key[4:]), gear(module, key[4:])))
     return found
 

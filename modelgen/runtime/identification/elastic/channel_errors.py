@@ -12,7 +12,7 @@ import numpy as np
 
 from modelgen.array_types import FloatArray
 from modelgen.runtime.advice import Advice
-from modelgen.runtime.identification.elastic.encoder_zeros import DRIVE, deflecting, encoder_zeros
+from modelgen.runtime.identification.elastic.encoder_zeros import deflecting, encoder_zeros
 from modelgen.runtime.identification.elastic.force_lags import force_lags, is_lag
 from modelgen.runtime.identification.elastic.row_forces import RowForce, nothing
 from modelgen.runtime.identification.thresholds import (
@@ -30,6 +30,7 @@ from modelgen.runtime.iv.model_errors import delay_effect, zero_effect
 from modelgen.runtime.iv.told_effects import below_noise, estimated, left
 from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
+from modelgen.runtime.model.arm_channels import DRIVE
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.numerics.decorrelation import square_root
 from modelgen.runtime.records.channels import Edit

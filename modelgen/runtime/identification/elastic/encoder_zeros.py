@@ -18,11 +18,9 @@ import numpy as np
 from modelgen.runtime.identification.elastic.link_forces import link_readings
 from modelgen.runtime.iv.effect import Effect
 from modelgen.runtime.iv.model_errors import zero_effect
+from modelgen.runtime.model.arm_channels import DRIVE
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.record import Record
-
-# What names of channels of drives begin with; joint torques have others.
-DRIVE = "tau_"
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import tee
 
 import numpy as np
 
@@ -32,6 +31,7 @@ from modelgen.runtime.identification.elastic.steps_about import (
     fit_about,
     left_by,
     moved,
+    names_acting,
     rest_with_forces_open,
 )
 from modelgen.runtime.identification.job import Job
@@ -83,7 +83,11 @@ class StartedSprings:
     @cached_property
     def _led(self) -> list[FloatArray]:
         job, kernel = self.job, self.kernel
-        return self._steps(job, kernel, starting_springs(job.model, kernel, job.records))
+        starts = starting_springs(job.model, kernel, job.records)
+        if kernel.motors_alone:
+            return settled(job, kernel, starts)
+        every = [*starts]
+        return _stepped_from(job, kernel, every, _told_by_readings(job, kernel, every))
 
     @property
     def _steps(self) -> Callable[[Job, DeflectedKernel, Iterable[FloatArray]], list[FloatArray]]:
@@ -111,14 +115,14 @@ def _left(job: Job, kernel: DeflectedKernel, point: FloatArray) -> float:
         return np.inf
 
 
-def _stepped_from(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray]) -> list[FloatArray]:
+def _stepped_from(
+    job: Job, kernel: DeflectedKernel, starts: Iterable[FloatArray], told: FloatArray | None = None
+) -> list[FloatArray]:
     """Return where a few steps lead from starts, base parameters in SI, what leaves least first.
 
-    Readings of what springs place tell springs before any link is known: where steps from there explain the
-    rows no other start is needed.
+    Readings of what springs place may have `told` the springs before any link is known: where steps from
+    there explain the rows no other start is needed.
     """
-    first, starts = tee(starts)
-    told = _told_by_readings(job, kernel, first)
     ends = [] if told is None else [_stepped(job, kernel, told, SETTLING_STEPS)]
     if not (ends and ends[0][0] is not None and explains(job, kernel, ends[0][0])):
         ends += [_stepped(job, kernel, start, SETTLING_STEPS) for start in starts]
@@ -134,8 +138,7 @@ def _told_by_readings(job: Job, kernel: DeflectedKernel, starts: Iterable[FloatA
     alone = [row for row in kernel.rows if {*job.model.regressor_columns[row]} <= {*kernel.columns}]
     if not alone or len(alone) == len(kernel.rows):
         return None
-    dampers = {job.model.base_parameters[c] for row in kernel.giving for c in row.acting(1)}
-    springs = {job.model.base_parameters[c] for row in kernel.giving for c in row.acting(0)}
+    springs, dampers = (names_acting(job.model, kernel, order) for order in (0, 1))
     for point in starts:
         with suppress(IdentifiabilityError):
             for count in range(HELD_STEPS + SETTLING_STEPS):
@@ -167,9 +170,8 @@ def _stepped(
     The first of them leave springs and dampers as they are, the next ones dampers: what acts less is to
     follow what acts more.
     """
-    left, names = np.inf, job.model.base_parameters
-    springs = {names[c] for row in kernel.giving for c in row.acting(0)}
-    dampers = {names[c] for row in kernel.giving for c in row.acting(1)}
+    left = np.inf
+    springs, dampers = (names_acting(job.model, kernel, order) for order in (0, 1))
     for count in range(steps):
         try:
             fit = fit_about(job, kernel, point)

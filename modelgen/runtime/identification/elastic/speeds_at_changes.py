@@ -19,9 +19,9 @@ from typing import Literal
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.identification.elastic.encoder_zeros import DRIVE
 from modelgen.runtime.identification.methods import run_wls
 from modelgen.runtime.identification.task import Task
+from modelgen.runtime.model.arm_channels import DRIVE
 from modelgen.runtime.model.model import Model
 from modelgen.runtime.records.channels import Edit
 from modelgen.runtime.records.record import Record

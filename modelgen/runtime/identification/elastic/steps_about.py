@@ -63,7 +63,7 @@ def rest_with_forces_open(
 
 def _tells_springs(job: Job, kernel: DeflectedKernel, fit: Fit) -> bool:
     """Return whether a fit knows every stiffness that gives a position, less what noise does to it."""
-    springs = {job.model.base_parameters[c] for row in kernel.giving for c in row.acting(0)}
+    springs = names_acting(job.model, kernel, 0)
     fit, _ = less_noise(replace(job.model, kernel=kernel), job.records, job.choice, fit)
     spread = np.sqrt(np.maximum(np.diag(hac_covariance(fit)), 0.0))
     known = {
@@ -71,6 +71,11 @@ def _tells_springs(job: Job, kernel: DeflectedKernel, fit: Fit) -> bool:
         for name, std, value in zip(fit.columns, spread, fit.solution.x, strict=True)
     }
     return all(known.get(name, False) for name in springs)
+
+
+def names_acting(model: Model, kernel: DeflectedKernel, order: int) -> set[str]:
+    """Return the columns of all springs that give a position (order 0), or of their dampers (1)."""
+    return {model.base_parameters[column] for row in kernel.giving for column in row.acting(order)}
 
 
 def _downhill(job: Job, kernel: DeflectedKernel, fit: Fit, point: FloatArray) -> tuple[Fit, FloatArray, bool]:

@@ -25,6 +25,7 @@ from modelgen.runtime.model.known_parameters import Reduced, reduced_module, reg
 from modelgen.runtime.model.mechanical_parts import BENDING
 from modelgen.runtime.model.model import Model, model_from_module
 from modelgen.runtime.model.module_file import MADE_BY
+from modelgen.runtime.parameters.bounds import parameters_of
 
 # N m/rad of springs beside bodies of 1 kg m^2: composites are then those of a rigid chain, to so many digits.
 STIFF, RIGID_DIGITS = 1e12, 1e-9
@@ -118,8 +119,8 @@ def _body(model: Model) -> tuple[str, ...]:
 def _rigid(model: Model) -> tuple[Reduced, _Sums]:
     """Return the sums that are left where no spring bends."""
     at = dict.fromkeys(model.parameters, 1.0)
-    links = {name: 0.0 for name, role in model.roles.items() if role.role in LINKS}
-    at |= {name: STIFF if model.roles[name].role == "stiffness" else 0.0 for name in links}
+    links = dict.fromkeys(parameters_of(model, *LINKS), 0.0)
+    at |= links | dict.fromkeys(parameters_of(model, "stiffness"), STIFF)
     every = np.array(model.base_jacobian(at))
     every[np.abs(every) < RIGID_DIGITS * np.abs(every).max()] = 0.0
     reduced = regrouped(model, links, every)
@@ -136,12 +137,8 @@ def _rigid(model: Model) -> tuple[Reduced, _Sums]:
 
 def _bending_name(model: Model, sums: _Sums) -> str:
     """Return what springs bend as a formula, where it is a short one."""
-    behind = [
-        name
-        for name, role in model.roles.items()
-        if role.role == "inertia" and set(role.bodies) != set(_body(model))
-    ]
-    springs = [name for name, role in model.roles.items() if role.role == "stiffness"]
+    inertias, springs = (parameters_of(model, role) for role in ("inertia", "stiffness"))
+    behind = [name for name in inertias if set(model.roles[name].bodies) != set(_body(model))]
     if len(behind) == len(springs) == 1 and behind[0] in sums.total.split(" + "):
         return f"{behind[0]}^2/{springs[0]}"
     return "bending of the springs"

@@ -29,6 +29,7 @@ from modelgen.runtime.identification.task import Task
 from modelgen.runtime.identification.thresholds import LARGEST_PERCENT
 from modelgen.runtime.model.mechanical_parts import BENDING
 from modelgen.runtime.model.model import Model
+from modelgen.runtime.parameters.bounds import parameters_of
 from modelgen.runtime.parameters.parameter import Parameter
 from modelgen.runtime.results.estimate import Estimate
 
@@ -55,8 +56,7 @@ def found_as_one_body(task: Task, chain: Estimate | None, identify: Identify) ->
     model = task.model
     if not isinstance(task.method, Auto) or not task.checks.drift_check or model.is_arm:
         return None
-    stiff = [name for name, role in model.roles.items() if role.role == "stiffness"]
-    if chain is not None and any(name in stiff for name in chain.physical):
+    if chain is not None and any(name in chain.physical for name in parameters_of(model, "stiffness")):
         return None
     body = as_one_body(model)
     if body is None:

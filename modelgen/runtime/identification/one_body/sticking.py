@@ -14,13 +14,13 @@ from modelgen.runtime.least_squares.fit import Fit
 from modelgen.runtime.least_squares.hac_covariance import hac_covariance
 from modelgen.runtime.model.mechanical_parts import BENDING
 from modelgen.runtime.model.model import Model
-
-RUBBING = ("viscous", "coulomb")
+from modelgen.runtime.parameters.bounds import parameters_of
 
 
 def sticking_drift(fit: Fit, model: Model) -> FloatArray:
     """Return the mean square by which springs move frictions of a chain as one body, (c, c) in SI; else 0."""
-    roles = {name: role.role for name, role in model.roles.items()}
-    rubbing = [BENDING in roles.values() and roles.get(name) in RUBBING for name in fit.columns]
-    variances = np.where(rubbing, np.diag(hac_covariance(fit)), 0.0)
-    return np.asarray((AS_SPRINGS_STICK**2 - 1.0) * np.diag(variances))
+    columns = len(fit.columns)
+    if not parameters_of(model, BENDING):
+        return np.zeros((columns, columns))
+    rubbing = np.isin(fit.columns, parameters_of(model, "viscous", "coulomb"))
+    return np.asarray((AS_SPRINGS_STICK**2 - 1.0) * np.diag(rubbing * np.diag(hac_covariance(fit))))

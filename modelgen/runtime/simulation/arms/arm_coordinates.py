@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from modelgen.array_types import FloatArray
-from modelgen.runtime.model.arm_channels import moving
+from modelgen.runtime.model.arm_channels import DRIVE, moving
 from modelgen.runtime.model.model import Model
 
 MOTOR = " motor"
@@ -77,7 +77,7 @@ def arm_coordinates(model: Model) -> ArmCoordinates | None:
     if not model.is_arm or model.by_power:
         return None
     joints, rows = tuple(joint_units(model)), [row.name for row in model.rows]
-    forces = tuple(one.key for one in model.actuators if one.key.startswith("tau_"))
+    forces = tuple(one.key for one in model.actuators if one.key.startswith(DRIVE))
     springs = [name for name in joints if name + SPRING in rows]
     if not {*rows} >= {name + LINK if name in springs else name for name in joints}:
         return None
@@ -135,7 +135,7 @@ def coordinates_about_rest(model: Model) -> ArmCoordinates | None:
             for channel in one["channels"]
         ):
             return None
-    forces = tuple(one.key for one in model.actuators if one.key.startswith("tau_"))
+    forces = tuple(one.key for one in model.actuators if one.key.startswith(DRIVE))
     return replace(_assembled(joints, forces, driven, reads, rows, sums), rates=rates)
 
 
